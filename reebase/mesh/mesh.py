@@ -1,0 +1,65 @@
+"""The mesh: two arrays, checked once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.errors import FaceIndexOutOfRange, MeshError, NonFiniteVertices
+
+__all__ = ["Mesh"]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangle mesh.
+
+    vertices: positions, float64, shape (m, 3), in the units of the file.
+    faces: vertex indices of each triangle, int32, shape (n, 3), counter-clockwise from outside.
+
+    Both arrays are C-contiguous and read-only; what is passed is copied only if it must be.
+    Raises MeshError for wrong shapes, NonFiniteVertices, FaceIndexOutOfRange.
+    """
+
+    vertices: npt.NDArray[np.float64]
+    faces: npt.NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        given = np.asarray(self.faces)
+        if given.size and given.dtype.kind not in "iu":
+            raise MeshError(f"Faces must be integers; found {given.dtype}.")
+        vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
+        if vertices.size == 0:
+            vertices = vertices.reshape(0, 3)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise MeshError(f"Vertices must have shape (m, 3); found {vertices.shape}.")
+        if given.size == 0:
+            given = given.reshape(0, 3)
+        if given.ndim != 2 or given.shape[1] != 3:
+            raise MeshError(f"Faces must have shape (n, 3); found {given.shape}.")
+        finite = np.isfinite(vertices).all(axis=1)
+        if not finite.all():
+            bad = int(np.flatnonzero(~finite)[0])
+            raise NonFiniteVertices(
+                f"{int((~finite).sum())} of {len(vertices)} vertices have a NaN or infinite coordinate, "
+                f"the first is vertex {bad}.",
+                count=int((~finite).sum()), first=bad,
+            )  # fmt: skip
+        if given.size:
+            outside = ((given < 0) | (given >= len(vertices))).any(axis=1)
+            if outside.any():
+                bad = int(np.flatnonzero(outside)[0])
+                raise FaceIndexOutOfRange(
+                    f"Face {bad} refers to vertices {given[bad].tolist()}, but there are {len(vertices)}.",
+                    face=bad, vertices=len(vertices),
+                )  # fmt: skip
+        faces = np.ascontiguousarray(given, dtype=np.int32)
+        for name, array in (("vertices", vertices), ("faces", faces)):
+            view = array.view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
+
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
