@@ -49,6 +49,7 @@ class Health:
     volume: float | None  # signed volume when closed, else None
     mean_edge_length: float
     largest_component_share: float  # of the area, in (0, 1]
+    non_manifold_vertices: int = 0  # where several fans of triangles touch; they are left as they are
     repairs: dict[str, int] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
 

@@ -19,8 +19,10 @@ class Mesh:
     vertices: positions, float64, shape (m, 3), in the units of the file.
     faces: vertex indices of each triangle, int32, shape (n, 3), counter-clockwise from outside.
 
-    Both arrays are C-contiguous and read-only; what is passed is copied only if it must be.
-    Raises MeshError for wrong shapes, NonFiniteVertices, FaceIndexOutOfRange.
+    Coordinates are finite at every vertex that a face refers to; one that no face refers to may hold
+    anything, as files in the wild do, and cleaning removes it. Both arrays are C-contiguous and read-only;
+    what is passed is copied only if it must be. Raises MeshError for wrong shapes, NonFiniteVertices,
+    FaceIndexOutOfRange.
     """
 
     vertices: npt.NDArray[np.float64]
@@ -39,14 +41,6 @@ class Mesh:
             given = given.reshape(0, 3)
         if given.ndim != 2 or given.shape[1] != 3:
             raise MeshError(f"Faces must have shape (n, 3); found {given.shape}.")
-        finite = np.isfinite(vertices).all(axis=1)
-        if not finite.all():
-            bad = int(np.flatnonzero(~finite)[0])
-            raise NonFiniteVertices(
-                f"{int((~finite).sum())} of {len(vertices)} vertices have a NaN or infinite coordinate, "
-                f"the first is vertex {bad}.",
-                count=int((~finite).sum()), first=bad,
-            )  # fmt: skip
         if given.size:
             outside = ((given < 0) | (given >= len(vertices))).any(axis=1)
             if outside.any():
@@ -56,6 +50,7 @@ class Mesh:
                     face=bad, vertices=len(vertices),
                 )  # fmt: skip
         faces = np.ascontiguousarray(given, dtype=np.int32)
+        refuse_non_finite(vertices, faces)
         for name, array in (("vertices", vertices), ("faces", faces)):
             view = array.view()
             view.flags.writeable = False
@@ -63,3 +58,16 @@ class Mesh:
 
     def __repr__(self) -> str:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
+
+
+def refuse_non_finite(vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]) -> None:
+    """Raise NonFiniteVertices when a face refers to a vertex with a NaN or infinite coordinate."""
+    finite = np.asarray(np.isfinite(vertices).all(axis=1))
+    if finite.all() or finite[faces].all():
+        return
+    bad = np.unique(faces[~finite[faces]])
+    raise NonFiniteVertices(
+        f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
+        f"the first is vertex {int(bad[0])}.",
+        count=len(bad), first=int(bad[0]),
+    )  # fmt: skip
