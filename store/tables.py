@@ -73,6 +73,7 @@ shape = Table(
     ),
     Index("shape_by_label", "collection_id", "label"),
     Index("shape_by_owner", "owner"),
+    Index("shape_by_task", "task_id"),
     # The sweep asks of every blob whether a shape still names it.
     Index("shape_by_sha256", "sha256"),
     sqlite_strict=True,

@@ -7,7 +7,7 @@ writes, so a worker that was thought dead cannot write.
 In the caller's transaction
   ``enqueue(conn, kind, *, collection_id, shape_id, params, blob) -> Task``
   ``get(conn, task_id)``, ``list_page(conn, *, limit, cursor, state, kind, collection_id, shape_id)``
-  ``cancel(conn, task_id)``, ``retry(conn, task_id)``, ``cancel_live(conn, *, shape_id | collection_id)``
+  ``cancel(conn, task_id)``, ``retry(conn, task_id)``, ``cancel_live(conn, *, shape_id, ...)``
   ``succeed(conn, task, result)``, ``fail(conn, task, code, detail)``, ``cancelled(conn, task)``:
   raise StaleClaim unless the claim still holds
 In transactions of their own: ``DatabaseQueue(database, settings)``
@@ -81,6 +81,8 @@ class TaskQueue(Protocol):
 def task_of_row(row: Any) -> Task:
     """The record of a row of the task table."""
     fields = {name: row[name] for name in Task.__dataclass_fields__}
+    # SQLite's RETURNING gives a REAL that is whole as an integer.
+    fields["fraction"] = float(fields["fraction"])
     return Task(**{**fields, "cancel_requested": bool(fields["cancel_requested"])})
 
 
@@ -156,16 +158,21 @@ def cancel(conn: Connection, task_id: str) -> Task:
 
 
 def cancel_live(
-    conn: Connection, *, shape_id: str | None = None, collection_id: str | None = None
+    conn: Connection,
+    *,
+    shape_id: str | None = None,
+    collection_id: str | None = None,
+    kind: str | None = None,
 ) -> list[Task]:
-    """Cancels at once whatever is queued or running for a shape or collection that goes away.
+    """Cancels at once whatever is queued or running for a shape or collection that goes away or changes.
 
     A running task is taken from its worker: the next heartbeat is "lost", and its result is refused.
     """
     if (shape_id is None) == (collection_id is None):
         raise ValueError("Give either a shape or a collection.")
     whose = table.c.shape_id == shape_id if shape_id is not None else table.c.collection_id == collection_id
-    return _move(conn, _cancelling().where(whose, table.c.state.in_(_LIVE)))
+    which = and_(whose, table.c.state.in_(_LIVE))
+    return _move(conn, _cancelling().where(which if kind is None else and_(which, table.c.kind == kind)))
 
 
 def retry(conn: Connection, task_id: str) -> Task:
