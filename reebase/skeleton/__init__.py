@@ -1,1 +1,11 @@
+"""The spectral Reeb graph of a shape: its skeleton (METHOD §4).
 
+graph.py: the value, Skeleton. reeb.py: exact banding of a scalar field, with its kernels in reeb_kernels.py.
+prune.py: removal of branches that are not salient.
+"""
+
+from reebase.skeleton.graph import Skeleton
+from reebase.skeleton.prune import SALIENCIES, prune
+from reebase.skeleton.reeb import MAX_BANDS, reeb_graph
+
+__all__ = ["MAX_BANDS", "SALIENCIES", "Skeleton", "prune", "reeb_graph"]

@@ -20,7 +20,8 @@ class Skeleton:
     bands: index of the band that each node lies in, int32, (N,), 0 at the field's minimum.
     edges: pairs of nodes that share a stretch of level curve, int32, (E, 2).
     lengths: Euclidean distance of the nodes of each edge, float64, (E,).
-    endpoints: nodes of degree 1, int32, (k,), by decreasing area, ties by index.
+    endpoints: nodes of degree 1, int32, (k,), by decreasing area, ties by decreasing length of their edge,
+        then by index.
     root: the node nearest the mesh's area centroid.
     """
 
@@ -33,10 +34,41 @@ class Skeleton:
     endpoints: npt.NDArray[np.int32]
     root: int
 
+    @classmethod
+    def assembled(
+        cls,
+        positions: npt.NDArray[np.float64],
+        areas: npt.NDArray[np.float64],
+        ring_areas: npt.NDArray[np.float64],
+        bands: npt.NDArray[np.int32],
+        edges: npt.NDArray[np.int32],
+        root: int,
+    ) -> Skeleton:
+        """The skeleton of these nodes and edges; lengths and endpoints follow from them."""
+        edges = edges.reshape(-1, 2)
+        lengths = np.linalg.norm(positions[edges[:, 1]] - positions[edges[:, 0]], axis=1)
+        ends = np.flatnonzero(np.bincount(edges.ravel(), minlength=len(positions)) == 1)
+        reach = np.zeros(len(positions))  # of an endpoint: the length of its only edge
+        np.add.at(reach, edges.ravel(), np.repeat(lengths, 2))
+        endpoints = ends[np.lexsort((ends, -reach[ends], -areas[ends]))].astype(np.int32)
+        return cls(positions, areas, ring_areas, bands, edges, lengths, endpoints, root)
+
+    @property
+    def centroid(self) -> npt.NDArray[np.float64]:
+        """Area-weighted mean of the node positions, (3,): that of the surface until something is pruned."""
+        mean: npt.NDArray[np.float64] = self.areas @ self.positions / self.areas.sum()
+        return mean
+
+    @property
+    def degrees(self) -> npt.NDArray[np.int64]:
+        """Number of edges at each node, (N,)."""
+        return np.bincount(self.edges.ravel(), minlength=len(self.positions))
+
     @property
     def cycles(self) -> int:
         """First Betti number of the graph (Euler: edges - nodes + 1, as it is connected)."""
         return len(self.edges) - len(self.positions) + 1
 
     def __repr__(self) -> str:
-        return f"Skeleton({len(self.positions)} nodes, {len(self.edges)} edges, {len(self.endpoints)} endpoints)"
+        counts = len(self.positions), len(self.edges), len(self.endpoints)
+        return "Skeleton({} nodes, {} edges, {} endpoints)".format(*counts)

@@ -1,0 +1,235 @@
+"""Kernels of the Reeb graph: a mesh cut by the levels u = 0, 1, ..., N, in time linear in faces plus pieces.
+
+u is the scalar field in units of the band width, from 0 to N; a value is on a level exactly or clearly off
+it. Band b is b <= u <= b + 1. The pieces of face f lie in consecutive bands from ``first[f]`` on and have the
+numbers ``offset[f]`` to ``offset[f + 1] - 1``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+__all__ = ["adjacent_faces", "cut_faces", "extreme_rings", "join_pieces", "measure_components"]
+
+Float = npt.NDArray[np.float64]
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
+
+NOTHING = 1e-200  # the weight of a piece without area in its component's centroid
+
+
+@njit(cache=True, nogil=True)
+def _bands_met(low: float, high: float, bands: int) -> tuple[int, int]:
+    """First and last band that [low, high] meets in more than a point; for low = high those that hold it."""
+    band = int(np.floor(low))
+    if low < high:
+        return band, int(np.ceil(high)) - 1
+    if low == band:  # a level belongs to the band on either side of it
+        return max(band - 1, 0), min(band, bands - 1)
+    return band, band
+
+
+@njit(cache=True, nogil=True)
+def _find(parent: Int64, x: int) -> int:
+    while parent[x] != x:
+        parent[x] = parent[parent[x]]
+        x = parent[x]
+    return x
+
+
+@njit(cache=True, nogil=True)
+def _join(parent: Int64, x: int, y: int) -> None:
+    x, y = _find(parent, x), _find(parent, y)
+    parent[max(x, y)] = min(x, y)
+
+
+@njit(cache=True, nogil=True)
+def _half_edges(m: int, faces: Int32) -> tuple[Int64, Int64]:
+    """Half-edges 3 f + i, corner i of face f to the next, by their smaller end, and where each end starts."""
+    start = np.zeros(m + 1, np.int64)
+    for f in range(len(faces)):
+        for i in range(3):
+            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 1] += 1
+    for v in range(m):
+        start[v + 1] += start[v]
+    cursor = start[:-1].copy()
+    half_edges = np.empty(3 * len(faces), np.int64)
+    for f in range(len(faces)):
+        for i in range(3):
+            v = min(faces[f, i], faces[f, (i + 1) % 3])
+            half_edges[cursor[v]] = 3 * f + i
+            cursor[v] += 1
+    return half_edges, start
+
+
+@njit(cache=True, nogil=True)
+def adjacent_faces(m: int, faces: Int32) -> tuple[Int32, Int32, int]:
+    """Pairs of faces that touch (p, 2), the ends of what they share (p, 2), and the number of separate parts.
+
+    Faces that share an edge are chained in the order of the file. Where parts of the surface hang together at
+    a vertex only, the vertex is an edge without length: both its ends are the vertex.
+    """
+    n = len(faces)
+    half_edges, start = _half_edges(m, faces)
+    pairs, ends = np.empty((6 * n, 2), np.int32), np.empty((6 * n, 2), np.int32)
+    count = 0
+    part = np.arange(n)
+    seen, owner = np.full(m, -1, np.int64), np.full(m, -1, np.int32)
+    for v in range(m):
+        for h in range(start[v], start[v + 1]):
+            f, i = half_edges[h] // 3, half_edges[h] % 3
+            w = max(faces[f, i], faces[f, (i + 1) % 3])
+            if seen[w] == v and owner[w] != f:
+                pairs[count, 0], pairs[count, 1] = owner[w], f
+                ends[count, 0], ends[count, 1] = v, w
+                count += 1
+                _join(part, owner[w], f)
+            seen[w], owner[w] = v, f
+    for f in range(n):
+        part[f] = _find(part, f)
+    hanging = part.copy()
+    owner[:] = -1
+    for f in range(n):
+        for v in faces[f]:
+            if owner[v] >= 0 and part[owner[v]] != part[f]:
+                pairs[count, 0], pairs[count, 1] = owner[v], f
+                ends[count, 0], ends[count, 1] = v, v
+                count += 1
+                _join(hanging, owner[v], f)
+            owner[v] = f
+    return pairs[:count], ends[:count], int(np.sum(hanging == np.arange(n)))
+
+
+@njit(cache=True, nogil=True)
+def cut_faces(u: Float, faces: Int32, bands: int) -> tuple[Int32, Int64]:
+    """``first`` (n,) and ``offset`` (n + 1,): the bands that each face meets; two if it lies in a level."""
+    n = len(faces)
+    first = np.empty(n, np.int32)
+    offset = np.zeros(n + 1, np.int64)
+    for f in range(n):
+        a, b, c = u[faces[f, 0]], u[faces[f, 1]], u[faces[f, 2]]
+        low, high = _bands_met(min(a, b, c), max(a, b, c), bands)
+        first[f] = low
+        offset[f + 1] = offset[f] + high - low + 1
+    return first, offset
+
+
+@njit(cache=True, nogil=True)
+def join_pieces(
+    u: Float, bands: int, first: Int32, offset: Int64, pairs: Int32, ends: Int32
+) -> tuple[Int64, Int32, Int64]:
+    """Component of each piece (P,), band of each component (c,), and adjacent components (q, 2).
+
+    Components are numbered by their first piece. Adjacent ones share a stretch of level curve: two pieces of
+    one face, or an edge within a level that has one face above and one below. The lower comes first in its
+    row; rows may repeat.
+    """
+    parent = np.arange(offset[-1])
+    across = np.empty((len(pairs), 2), np.int64)
+    crossings = 0
+    for p in range(len(pairs)):
+        s, t = u[ends[p, 0]], u[ends[p, 1]]
+        low, high = _bands_met(min(s, t), max(s, t), bands)
+        f, g = pairs[p, 0], pairs[p, 1]
+        shared = False
+        for band in range(low, high + 1):
+            x, y = offset[f] + band - first[f], offset[g] + band - first[g]
+            if offset[f] <= x < offset[f + 1] and offset[g] <= y < offset[g + 1]:
+                _join(parent, x, y)
+                shared = True
+        if not shared:  # the edge lies in the level between bands low and high = low + 1
+            below, above = (f, g) if first[g] == high else (g, f)
+            across[crossings] = offset[below + 1] - 1, offset[above]
+            crossings += 1
+    component = np.empty(len(parent), np.int64)
+    count = 0
+    for x in range(len(parent)):
+        if parent[x] == x:
+            component[x] = count
+            count += 1
+        else:  # a root is the smallest of its component, so it is numbered by now
+            component[x] = component[_find(parent, x)]
+    band_of = np.empty(count, np.int32)
+    adjacent = np.empty((len(parent) - len(first) + crossings, 2), np.int64)
+    q = 0
+    for f in range(len(first)):
+        for x in range(offset[f], offset[f + 1]):
+            band_of[component[x]] = first[f] + x - offset[f]
+            if x > offset[f]:
+                adjacent[q] = component[x - 1], component[x]
+                q += 1
+    for p in range(crossings):
+        adjacent[q + p] = component[across[p, 0]], component[across[p, 1]]
+    return component, band_of, adjacent
+
+
+@njit(cache=True, nogil=True)
+def measure_components(
+    vertices: Float, faces: Int32, u: Float, first: Int32, offset: Int64, component: Int64, count: int
+) -> tuple[Float, Float, Float]:
+    """Area (c,) and area centroid (c, 3) of each component, and area of the ring of each vertex (m,).
+
+    With corners in the order u0 <= u1 <= u2, the level lines of a face have their middles on a straight line
+    and lengths that grow in proportion to u - u0 up to u1 and shrink to u2: area and centroid of what lies
+    between two levels follow in closed form, without a difference of large areas.
+    """
+    areas, moments = np.zeros(count), np.zeros((count, 3))
+    rings = np.zeros(len(vertices))
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        i, j = (i, j) if u[i] <= u[j] else (j, i)
+        j, k = (j, k) if u[j] <= u[k] else (k, j)
+        i, j = (i, j) if u[i] <= u[j] else (j, i)
+        a, c = vertices[i], vertices[k]
+        ab, ac, bc = vertices[j] - a, c - a, c - vertices[j]
+        area = 0.5 * np.linalg.norm(np.cross(ab, ac))
+        for v in faces[f]:
+            rings[v] += area
+        low, middle, high = u[i], u[j], u[k]
+        pieces = offset[f + 1] - offset[f]
+        if pieces == 1 or low == high:  # whole, or halved between the two sides of a level
+            weight = max(area / pieces, NOTHING)
+            for x in range(offset[f], offset[f + 1]):
+                areas[component[x]] += weight
+                moments[component[x]] += weight * (a + (ab + ac) / 3.0)
+            continue
+        for x in range(offset[f], offset[f + 1]):
+            node, bottom = component[x], float(first[f] + x - offset[f])
+            if low < middle and bottom < middle:  # the part that widens from a
+                height = middle - low
+                part = height / (high - low)
+                p, q = max(bottom - low, 0.0) / height, min((bottom + 1.0 - low) / height, 1.0)
+                weight = max(area * part * (q - p) * (q + p), NOTHING)
+                along = (p * p + p * q + q * q) / (3.0 * (p + q))
+                areas[node] += weight
+                moments[node] += weight * (a + along * (ab + part * ac))
+            if middle < high and middle < bottom + 1.0:  # the part that narrows to c
+                height = high - middle
+                part = height / (high - low)
+                p, q = max(high - bottom - 1.0, 0.0) / height, min((high - bottom) / height, 1.0)
+                weight = max(area * part * (q - p) * (q + p), NOTHING)
+                along = (p * p + p * q + q * q) / (3.0 * (p + q))
+                areas[node] += weight
+                moments[node] += weight * (c - along * (bc + part * ac))
+    return areas, moments / areas.reshape(-1, 1), rings
+
+
+@njit(cache=True, nogil=True)
+def extreme_rings(
+    faces: Int32, u: Float, first: Int32, offset: Int64, component: Int64, rings: Float, count: int
+) -> tuple[Float, Float]:
+    """Lowest and highest value at a vertex of each component (c, 2), and the largest ring there (c, 2)."""
+    values, areas = np.empty((count, 2)), np.zeros((count, 2))
+    values[:, 0], values[:, 1] = np.inf, -np.inf
+    for f in range(len(faces)):
+        for v in faces[f]:
+            for x in range(offset[f], offset[f + 1]):
+                node, band = component[x], first[f] + x - offset[f]
+                if band <= u[v] <= band + 1:
+                    if u[v] < values[node, 0] or (u[v] == values[node, 0] and rings[v] > areas[node, 0]):
+                        values[node, 0], areas[node, 0] = u[v], rings[v]
+                    if u[v] > values[node, 1] or (u[v] == values[node, 1] and rings[v] > areas[node, 1]):
+                        values[node, 1], areas[node, 1] = u[v], rings[v]
+    return values, areas
