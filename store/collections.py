@@ -29,7 +29,8 @@ from store.tables import endpoint_features
 from store.tables import shape as shape_table
 
 __all__ = [
-    "NAME", "by_id", "counts", "create", "delete", "get", "list_page", "profile_of", "renew_profiles", "update",
+    "NAME", "by_id", "counts", "create", "delete", "get", "list_page", "profile_of", "renew_profiles",
+    "update",
 ]  # fmt: skip
 
 

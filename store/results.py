@@ -1,0 +1,178 @@
+"""What the pipeline learnt of a shape, and of which version and parameters it is.
+
+``store_description(conn, task, description, *, cleaned_sha256, denoised_sha256) -> Task``: all of it, the
+shape's new state and the task's success in one fenced transaction; the two blobs are put before.
+``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``health(conn, shape_id)``,
+``descriptor(conn, shape_id, name)``: raise ResultNotFound.
+``labelled_features(conn, collection_id, profile_key) -> LabelledFeatures``: what an evaluation needs.
+
+Arrays are kept little endian, so that a database can move between machines.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sqlalchemy import Connection, Table, select
+
+from reebase.mesh.health import Health
+from reebase.pipeline import PIPELINE_VERSION, Description
+from reebase.skeleton.graph import Skeleton
+from store import tables, tasks
+from store.errors import ResultNotFound, StaleClaim
+from store.records import StoredFeatures, StoredHealth, StoredSkeleton, Task
+from store.revision import bump
+from store.sql import insert
+
+__all__ = [
+    "LabelledFeatures", "descriptor", "features", "features_of_bytes", "health", "labelled_features",
+    "skeleton", "store_description",
+]  # fmt: skip
+
+_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledFeatures:
+    """Shapes with a label and features of one profile, by id; all four have the same length.
+
+    features: float64, (k, 3) each.
+    """
+
+    ids: list[str]
+    names: list[str]
+    labels: list[str]
+    features: list[npt.NDArray[np.float64]]
+
+
+def store_description(
+    conn: Connection,
+    task: Task,
+    description: Description,
+    *,
+    cleaned_sha256: str,
+    denoised_sha256: str,
+    descriptors: Mapping[str, npt.NDArray[np.floating[Any]]] | None = None,
+) -> Task:
+    """Writes what a claimed describe task found, in place of what was known, and ends the task.
+
+    descriptors: further vectors by name, kept as float32. Raises StaleClaim when the claim is over; let it
+    leave the transaction, so that nothing is written.
+    """
+    if task.kind != "describe" or task.shape_id is None or task.collection_id is None:
+        raise StaleClaim(f"Task {task.id} does not describe a shape.", task=task.id)
+    found = np.ascontiguousarray(description.features, dtype="<f8").reshape(-1, 3)
+    # Fenced first: a worker that is too late must not even touch the rows.
+    done = tasks.succeed(conn, task, {"endpoint_count": len(found), "flags": list(description.health.flags)})
+    version = {"profile_key": description.profile.key, "pipeline_version": PIPELINE_VERSION}
+    _replace(conn, tables.endpoint_features, task.shape_id, {
+        **version, "collection_id": task.collection_id, "endpoint_count": len(found),
+        "features": found.tobytes(), "revision": bump(conn),
+    })  # fmt: skip
+    _replace(conn, tables.skeleton, task.shape_id, {
+        **version, "graph": _graph_bytes(description.skeleton),
+        "eigenvalues": np.ascontiguousarray(description.eigenvalues, dtype="<f8").tobytes(),
+        "cleaned_sha256": cleaned_sha256, "denoised_sha256": denoised_sha256,
+    })  # fmt: skip
+    _replace(conn, tables.health, task.shape_id, {
+        **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
+    })  # fmt: skip
+    for name, values in (descriptors or {}).items():
+        _replace(conn, tables.descriptor, task.shape_id, {
+            "name": name, "version": description.profile.key,
+            "values": np.ascontiguousarray(values, dtype="<f4").tobytes(),
+        })  # fmt: skip
+    return done
+
+
+def features(conn: Connection, shape_id: str) -> StoredFeatures:
+    """Raises ResultNotFound."""
+    row = _row(conn, tables.endpoint_features, shape_id)
+    return StoredFeatures(
+        shape_id, row["profile_key"], row["pipeline_version"], row["endpoint_count"],
+        features_of_bytes(row["features"]), row["revision"],
+    )  # fmt: skip
+
+
+def skeleton(conn: Connection, shape_id: str) -> StoredSkeleton:
+    """Raises ResultNotFound."""
+    row = _row(conn, tables.skeleton, shape_id)
+    return StoredSkeleton(
+        shape_id, row["profile_key"], row["pipeline_version"], _graph_of_bytes(row["graph"]),
+        np.frombuffer(row["eigenvalues"], dtype="<f8"), row["cleaned_sha256"], row["denoised_sha256"],
+    )  # fmt: skip
+
+
+def health(conn: Connection, shape_id: str) -> StoredHealth:
+    """Raises ResultNotFound."""
+    row = _row(conn, tables.health, shape_id)
+    report = Health.from_json(row["report"])
+    return StoredHealth(shape_id, row["profile_key"], row["pipeline_version"], report, row["seconds"])
+
+
+def descriptor(conn: Connection, shape_id: str, name: str) -> npt.NDArray[np.float32]:
+    """A further vector, float32, (n,). Raises ResultNotFound."""
+    table = tables.descriptor
+    named = (table.c.shape_id == shape_id, table.c.name == name)
+    stored = conn.execute(select(table.c["values"]).where(*named)).scalar()
+    if stored is None:
+        raise ResultNotFound(f"The shape has no descriptor {name!r}.", shape=shape_id)
+    return np.frombuffer(stored, dtype="<f4")
+
+
+def labelled_features(conn: Connection, collection_id: str, profile_key: str) -> LabelledFeatures:
+    """All shapes of the collection that have a label and features of this profile, by id."""
+    shape, found = tables.shape, tables.endpoint_features
+    rows = conn.execute(
+        select(shape.c.id, shape.c.name, shape.c.label, found.c.features)
+        .join(found, found.c.shape_id == shape.c.id)
+        .where(
+            shape.c.collection_id == collection_id,
+            shape.c.label.is_not(None),
+            found.c.profile_key == profile_key,
+        )
+        .order_by(shape.c.id)
+    ).all()
+    return LabelledFeatures(
+        [row.id for row in rows], [row.name for row in rows], [row.label for row in rows],
+        [features_of_bytes(row.features) for row in rows],
+    )  # fmt: skip
+
+
+def features_of_bytes(stored: bytes) -> npt.NDArray[np.float64]:
+    """The (k, 3) array of a row of ``endpoint_features``; read-only."""
+    return np.frombuffer(stored, dtype="<f8").reshape(-1, 3)
+
+
+def _row(conn: Connection, table: Table, shape_id: str) -> Any:
+    row = conn.execute(select(table).where(table.c.shape_id == shape_id)).mappings().first()
+    if row is None:
+        raise ResultNotFound(shape=shape_id)
+    return row
+
+
+def _replace(conn: Connection, table: Table, shape_id: str, values: dict[str, Any]) -> None:
+    row = {"shape_id": shape_id, **values}
+    keys = [column.name for column in table.primary_key]
+    changed = {name: value for name, value in row.items() if name not in keys}
+    conn.execute(
+        insert(conn, table).values(row).on_conflict_do_update(index_elements=keys, set_=changed)
+    )  # fmt: skip
+
+
+def _graph_bytes(graph: Skeleton) -> bytes:
+    file = io.BytesIO()
+    arrays = {name: getattr(graph, name) for name in _ARRAYS}
+    np.savez_compressed(file, allow_pickle=False, root=np.int64(graph.root), **arrays)
+    return file.getvalue()
+
+
+def _graph_of_bytes(stored: bytes) -> Skeleton:
+    with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
+        return Skeleton(**{name: arrays[name] for name in _ARRAYS}, root=int(arrays["root"]))
