@@ -1,0 +1,112 @@
+"""Which format a file has: by what it holds first, by its name where that does not tell."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePath
+
+from reebase.errors import UnknownFormat
+from reebase.mesh.read import archive, gltf
+from reebase.mesh.read.off import HEADER as OFF_HEADER
+from reebase.mesh.read.stl import is_text, looks_like_text_stl
+from reebase.mesh.read.text import plain_text, without_comments
+
+__all__ = ["FORMATS", "canonical", "sniff"]
+
+FORMATS: dict[str, str] = {
+    "obj": "model/obj",
+    "off": "model/off",
+    "ply": "model/ply",
+    "stl": "model/stl",
+    "glb": "model/gltf-binary",
+    "gltf": "model/gltf+json",
+    "3mf": "model/3mf",
+}
+"""Every format that is read: name -> media type."""
+
+_OTHER_NAMES = {
+    "application/sla": "stl", "application/vnd.ms-pki.stl": "stl",
+    "model/x.stl-binary": "stl", "model/x.stl-ascii": "stl",
+    "text/prs.wavefront-obj": "obj", "application/x-ply": "ply", "stla": "stl", "stlb": "stl", "coff": "off",
+    "application/vnd.ms-package.3dmanufacturing-3dmodel+xml": "3mf",
+}  # fmt: skip
+_OBJ_LINE = re.compile(
+    rb"(?m)^[ \t]*(v[ \t]+[-+.\d]+[ \t]+[-+.\d]|f[ \t]+-?\d+(/|[ \t]+-?\d)|(mtllib|usemtl)[ \t]+\S)"
+)
+_COUNTS = re.compile(rb"\s*\d+[ \t]+\d+([ \t]+\d+)?[ \t]*\r?\n\s*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+")
+START = 65536
+"""Bytes that are looked at."""
+
+
+def canonical(name: str) -> str:
+    """The format for a name, suffix or media type: "OBJ", ".obj", "model/obj". Raises UnknownFormat."""
+    asked = name.partition(";")[0].strip().lower().removeprefix(".")
+    for known, media_type in FORMATS.items():
+        if asked in (known, media_type):
+            return known
+    if asked in _OTHER_NAMES:
+        return _OTHER_NAMES[asked]
+    raise UnknownFormat(
+        f"Reebase does not read {name[:40]!r}; it reads {_listed()}.", found=name[:40], formats=list(FORMATS)
+    )
+
+
+def sniff(data: bytes, name: str | None = None) -> str:
+    """The format of a file, one of FORMATS, from its first bytes and its name (a path or file name).
+
+    What starts with a signature (PLY, GLB, zip, OFF, solid ... facet) is that format under any name; else
+    the name's suffix decides; else the content is looked at more closely. Raises UnknownFormat.
+    """
+    signed = _signed(data)
+    if signed:
+        return signed
+    suffix = PurePath(name).suffix if name else ""
+    try:
+        return canonical(suffix)
+    except UnknownFormat:
+        pass
+    guessed = _guessed(data)
+    if guessed:
+        return guessed
+    named = f"the name ends in {suffix[:20]!r} and " if suffix else ""
+    raise UnknownFormat(
+        f"The format is not one that Reebase reads: {named}the content is none of {_listed()}.",
+        found=suffix[:20], formats=list(FORMATS),
+    )  # fmt: skip
+
+
+def _listed() -> str:
+    return ", ".join(name.upper() if name != "gltf" else "glTF" for name in FORMATS)
+
+
+def _signed(data: bytes) -> str | None:
+    """The format that the file's first bytes announce."""
+    if data.startswith(gltf.MAGIC):
+        return "glb"
+    if data.startswith(archive.MAGIC):
+        return "3mf"
+    if re.match(rb"ply[ \t]*[\r\n]", data):
+        return "ply"
+    start = data[:START]
+    if OFF_HEADER.match(start) or (is_text(start) and OFF_HEADER.match(without_comments(plain_text(start)))):
+        return "off"
+    if looks_like_text_stl(data):
+        return "stl"
+    return None
+
+
+def _guessed(data: bytes) -> str | None:
+    """The format that the content looks like."""
+    exact = len(data) >= 84 and int.from_bytes(data[80:84], "little") * 50 + 84 == len(data)
+    if exact and len(data) > 84:
+        return "stl"
+    start = plain_text(data[:START])
+    if is_text(start):
+        if start.lstrip().startswith(b"{"):
+            return "gltf" if re.search(rb'"asset"\s*:', data) else None
+        text = without_comments(start)
+        if _OBJ_LINE.search(text):
+            return "obj"
+        return "off" if _COUNTS.match(text) else None
+    announced = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
+    return "stl" if announced and announced * 50 + 84 <= len(data) else None
