@@ -1,0 +1,101 @@
+"""What a denoising filter is: a name, its parameters, and a step from positions to displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.errors import ParameterError
+from reebase.mesh.topology import Rings
+
+__all__ = ["Choice", "Filter", "Number", "Step", "Surface"]
+
+FloatArray = npt.NDArray[np.float64]
+
+Step = Callable[[FloatArray], FloatArray]
+"""From positions, (m, 3), to the displacement of each vertex, (m, 3), zero for isolated vertices."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a filter is prepared with; lengths are in mean edge lengths of the mesh that came in.
+
+    positions: (m, 3), where the vertices are before the first step. faces: int32, (n, 3). rings: built once.
+    """
+
+    positions: FloatArray
+    faces: npt.NDArray[np.int32]
+    rings: Rings
+
+
+@dataclass(frozen=True)
+class Number:
+    """A real parameter in [low, high], or (low, high] when ``above_low``."""
+
+    default: float
+    low: float
+    high: float
+    meaning: str
+    above_low: bool = False
+
+    def check(self, name: str, value: Any) -> float:
+        """The value as a float. Raises ParameterError."""
+        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        # A comparison with NaN is false, so that NaN is refused as well.
+        if not number or not (self.low <= value <= self.high) or (self.above_low and value == self.low):
+            interval = f"{'(' if self.above_low else '['}{self.low:g}, {self.high:g}]"
+            raise ParameterError(
+                f"{name} must be a number in {interval}; found {value!r}.", parameter=name, found=repr(value)
+            )
+        return float(value)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A parameter with one of a few values."""
+
+    default: str | bool
+    options: tuple[str | bool, ...]
+    meaning: str
+
+    def check(self, name: str, value: Any) -> str | bool:
+        """The value. Raises ParameterError."""
+        for option in self.options:
+            if type(option) is type(value) and option == value:
+                return option
+        raise ParameterError(
+            f"{name} must be one of {', '.join(map(repr, self.options))}; found {value!r}.",
+            parameter=name, found=repr(value),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A denoising filter.
+
+    prepare: called once with the surface and checked parameters; returns the step that every iteration takes.
+    """
+
+    name: str
+    summary: str
+    prepare: Callable[[Surface, Mapping[str, Any]], Step]
+    parameters: Mapping[str, Number | Choice] = field(default_factory=dict)
+
+    def checked(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Every parameter by name, the given ones checked and the others at their defaults. Raises
+        ParameterError."""
+        for name in given:
+            if name not in self.parameters:
+                known = ", ".join(sorted(self.parameters)) or "none"
+                raise ParameterError(
+                    f"The filter {self.name} has no parameter {name!r}; its parameters: {known}.",
+                    parameter=name, choices=sorted(self.parameters),
+                )  # fmt: skip
+        return {
+            name: parameter.check(name, given.get(name, parameter.default))
+            for name, parameter in self.parameters.items()
+        }
