@@ -137,9 +137,8 @@ class LocalBlobs:
     def __init__(self, directory: str | os.PathLike[str]) -> None:
         self.directory = Path(directory).absolute()
         self._unfinished = self.directory / "unfinished"
-        self._unfinished.mkdir(parents=True, exist_ok=True)
         self._lock_path = self.directory / "lock"
-        self._lock_path.touch()
+        self.directory.mkdir(parents=True, exist_ok=True)
 
     def put_if_absent(self, data: bytes | Iterable[bytes], *, limit: int | None = None) -> str:
         with self.writer(limit) as writer:
@@ -150,6 +149,7 @@ class LocalBlobs:
     @contextmanager
     def writer(self, limit: int | None = None) -> Iterator[BlobWriter]:
         with _space():
+            self._unfinished.mkdir(exist_ok=True)
             # In the same file system as the blobs, so that placing one is a rename.
             descriptor, name = tempfile.mkstemp(dir=self._unfinished)
             path = Path(name)
@@ -204,7 +204,7 @@ class LocalBlobs:
 
     def clear_unfinished(self, *, grace_seconds: float) -> int:
         removed = 0
-        for path in self._unfinished.iterdir():
+        for path in self._unfinished.glob("*"):
             with suppress(FileNotFoundError):
                 # Every write moves the time on, so a slow upload is not taken for a dead one.
                 if time.time() - path.stat().st_mtime >= grace_seconds:
@@ -241,7 +241,7 @@ class LocalBlobs:
 
     @contextmanager
     def _locked(self, how: int) -> Iterator[bool]:
-        with self._lock_path.open("rb") as file:
+        with self._lock_path.open("ab") as file:
             try:
                 fcntl.flock(file, how)
             except BlockingIOError:

@@ -3,7 +3,7 @@
 ``Database(url)``
   ``.write()``  context -> Connection inside BEGIN IMMEDIATE; commits at the end, rolls back on an exception
   ``.read()``   context -> read-only Connection that sees one snapshot
-  ``.copy_to(path)``, ``.checkpoint()``, ``.close()``
+  ``.copy_to(path)``, ``.close()``
 
 Both contexts may be used from any thread. Do not open a Database before forking: SQLite's locks do
 not survive a fork, so a process that forks opens its own afterwards.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -78,11 +79,24 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
         pragmas += ["journal_mode = WAL", "synchronous = FULL"]
     try:
         for pragma in pragmas:
-            connection.execute(f"PRAGMA {pragma}").close()
+            _set(connection, pragma)
     except sqlite3.Error:
         connection.close()
         raise
     return connection
+
+
+def _set(connection: sqlite3.Connection, pragma: str) -> None:
+    # Two processes that turn a new file to WAL at once: SQLite refuses one without waiting.
+    until = time.monotonic() + BUSY_SECONDS
+    while True:
+        try:
+            connection.execute(f"PRAGMA {pragma}").close()
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                raise
+        time.sleep(0.01)
 
 
 def _engine(path: Path, mode: str, begin: str, **pool: Any) -> Engine:

@@ -2,7 +2,8 @@
 
 ``create(conn, scope, collection=None, name="", *, requests_per_minute, max_shapes) -> (ApiKey, secret)``,
 ``verify(conn, secret) -> ApiKey | None``, ``get(conn, key_id)``, ``list_all(conn)``,
-``revoke(conn, key_id)``, ``used(conn, key_id)``, ``any_active(conn) -> bool``, ``check_quota(conn, key, adding=1)``
+``revoke(conn, key_id)``, ``used(conn, key_id)``, ``any_active(conn) -> bool``,
+``check_quota(conn, key, adding=1)``
 
 A secret is ``rb_`` and 256 random bits; with so many, a plain SHA-256 is as good as a slow hash.
 """

@@ -1,0 +1,112 @@
+"""The sweep: removes what nothing needs any more.
+
+``sweep(database, blobs, settings) -> Swept``: run it now and then, from one process or several at once.
+``referenced(conn, hashes) -> set``, ``all_referenced(conn) -> set``: which blobs rows name.
+
+A blob is removed when no row names it and it was not put within the grace period. Blobs are put before
+the rows that name them, so the last look at the rows happens inside the write lock, right before the
+removal: a row that commits later belongs to a blob that was put, and so renewed, after that look or
+within the grace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, true, update
+
+from store import idempotency
+from store.blobs import Blobs
+from store.engine import Database
+from store.settings import Settings
+from store.sql import now
+from store.tables import evaluation, revision, shape, skeleton, task, tombstone
+
+__all__ = ["Swept", "all_referenced", "referenced", "sweep"]
+
+_MANY = 500  # hashes in one statement
+
+_NAMES: tuple[tuple[Any, ColumnElement[bool]], ...] = (
+    (shape.c.sha256, true()),
+    (skeleton.c.cleaned_sha256, true()),
+    (skeleton.c.denoised_sha256, true()),
+    (evaluation.c.matrix_sha256, true()),
+    # The mesh of a query is kept no longer than its task lives.
+    (task.c.blob, task.c.state.in_(("queued", "running"))),
+)
+"""Every column that names a blob, and when."""
+
+
+@dataclass(frozen=True)
+class Swept:
+    """How much of each was removed."""
+
+    blobs: int
+    unfinished_uploads: int
+    idempotency_keys: int
+    queries: int
+    tombstones: int
+
+
+def sweep(database: Database, blobs: Blobs, settings: Settings) -> Swept:
+    """Removes unnamed blobs, dead uploads, expired idempotency keys, old queries and old tombstones."""
+    with database.write() as conn:
+        keys = idempotency.purge(conn)
+        queries = _purge_queries(conn, settings.keep_query_seconds)
+        tombstones = _purge_tombstones(conn, settings.keep_tombstones_seconds)
+    grace = settings.sweep_grace_seconds
+    removed = sum(_remove(database, blobs, sha256, grace) for sha256 in _unnamed(database, blobs))
+    return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, queries, tombstones)
+
+
+def referenced(conn: Connection, hashes: Iterable[str]) -> set[str]:
+    """Those of the hashes that some row names."""
+    found: set[str] = set()
+    for batch in _batches(hashes):
+        for column, when in _NAMES:
+            found.update(conn.execute(select(column).where(column.in_(batch), when)).scalars())
+    return found
+
+
+def all_referenced(conn: Connection) -> set[str]:
+    """Every blob that some row names."""
+    found: set[str] = set()
+    for column, when in _NAMES:
+        found.update(conn.execute(select(column).where(column.is_not(None), when)).scalars())
+    return found
+
+
+def _unnamed(database: Database, blobs: Blobs) -> Iterator[str]:
+    for batch in _batches(blobs.all()):
+        with database.read() as conn:
+            named = referenced(conn, batch)
+        yield from (sha256 for sha256 in batch if sha256 not in named)
+
+
+def _remove(database: Database, blobs: Blobs, sha256: str, grace: float) -> bool:
+    with database.write() as conn:
+        return not referenced(conn, [sha256]) and blobs.delete(sha256, grace_seconds=grace)
+
+
+def _purge_queries(conn: Connection, keep_seconds: float) -> int:
+    old = and_(task.c.kind == "query", task.c.finished_at < now(-keep_seconds))
+    return conn.execute(delete(task).where(old)).rowcount
+
+
+def _purge_tombstones(conn: Connection, keep_seconds: float) -> int:
+    old = tombstone.c.deleted_at < now(-keep_seconds)
+    last = conn.execute(select(func.max(tombstone.c.revision)).where(old)).scalar()
+    if last is None:
+        return 0
+    # Up to a revision, not by age alone: the floor must tell exactly what is missing.
+    conn.execute(update(revision).values(floor=last))
+    return conn.execute(delete(tombstone).where(tombstone.c.revision <= last)).rowcount
+
+
+def _batches(hashes: Iterable[str]) -> Iterator[list[str]]:
+    rest = iter(hashes)
+    while batch := list(islice(rest, _MANY)):
+        yield batch
