@@ -39,8 +39,8 @@ def to_bytes(mesh: Mesh, format: str, *, scalars: Scalars | None = None) -> byte
     format: one of WRITTEN. PLY is binary, little-endian, float64; OBJ and OFF give the shortest text
     that reads back to the same float64; STL (binary, three vertices a face) and GLB hold float32.
     scalars: values of the vertices by name, each shape (m,). PLY holds them as float64 properties, NaN
-    allowed; GLB as float32 attributes named _NAME in capitals, where glTF allows neither NaN nor infinity.
-    The other formats have no place for scalars.
+    allowed; GLB as float32 attributes named _NAME in capitals. glTF forbids NaN: it becomes 0, and a second
+    attribute _NAME_MISSING is 1 there. The other formats have no place for scalars.
 
     Raises UnknownName for a format that is not written, ParameterError for scalars that do not fit,
     MeshError for coordinates beyond float32, NoFaces for a GLB without faces (glTF knows no empty mesh).
@@ -114,15 +114,17 @@ def _glb(mesh: Mesh, scalars: dict[str, Floats]) -> bytes:
     points = _single(mesh.vertices, "GLB")
     arrays = {"POSITION": points}
     for name, values in scalars.items():
+        missing = np.isnan(values)
         with np.errstate(over="ignore"):
-            single = values.astype("<f4")
+            single = np.where(missing, 0, values).astype("<f4")
         if not np.isfinite(single).all():
-            raise ParameterError(
-                f"Scalar {name!r} is NaN or infinite somewhere, which glTF forbids; write PLY."
-            )
-        arrays["_" + name.upper().lstrip("_")] = single
-    if len(arrays) != len(scalars) + 1:
-        raise ParameterError("Two scalars have the same name in capitals, which is what GLB holds.")
+            raise ParameterError(f"Scalar {name!r} is beyond float32 somewhere, which GLB cannot hold.")
+        attribute = "_" + name.upper().lstrip("_")
+        if attribute in arrays:
+            raise ParameterError(f"Two scalars would be {attribute} in GLB, where names are in capitals.")
+        arrays[attribute] = single
+        if missing.any():
+            arrays[attribute + "_MISSING"] = missing.astype("<f4")
     views, accessors, parts, at = [], [], [], 0
     for array in (*arrays.values(), mesh.faces.astype("<u4").ravel()):
         raw = array.tobytes()

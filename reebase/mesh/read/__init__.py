@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import EmptyFile, FormatError
+from reebase.errors import EmptyFile, FormatError, LimitError
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.gltf import read_gltf
 from reebase.mesh.read.limits import DEFAULT, Limits
@@ -63,7 +63,10 @@ def read(
     if not data:
         raise EmptyFile()
     chosen = canonical(format) if format else sniff(data, name)
-    return _READERS[chosen](data, limits)
+    try:
+        return _READERS[chosen](data, limits)
+    except MemoryError:
+        raise LimitError(f"Reading these {len(data):,} bytes takes more memory than there is.") from None
 
 
 def read_scalars(data: bytes, *, limits: Limits = DEFAULT) -> tuple[Mesh, dict[str, npt.NDArray[np.float64]]]:

@@ -51,7 +51,7 @@ def read_gltf(data: bytes, limits: Limits) -> Mesh:
         if at is None:
             continue
         if at not in read:
-            read[at] = _mesh(meshes[at], at, accessors)
+            read[at] = _mesh(meshes[at], at, accessors, limits)
         points, triangles = read[at]
         limits.check_vertices(vertex_count + len(points))
         limits.check_faces(face_count + len(triangles))
@@ -180,12 +180,12 @@ def _indices(record: dict[str, Any], name: str, count: int, where: str) -> list[
     return [one for one in found if one is not None]
 
 
-def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors) -> Part:
+def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors, limits: Limits) -> Part:
     """(vertices, faces) of all primitives that are surfaces."""
     vertices: list[Floats] = [np.zeros((0, 3))]
     faces: list[Ints] = [np.zeros((0, 3), dtype=np.int64)]
     starts: dict[int, int] = {}
-    count = 0
+    count = used = 0
     for number, primitive in enumerate(table(mesh, "primitives")):
         where = f"meshes[{at}].primitives[{number}]"
         mode = primitive.get("mode", TRIANGLES)
@@ -211,6 +211,8 @@ def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors) -> Part:
         else:
             indices = accessors.scalars(accessors.index(primitive, "indices", where))
         accessors.check_range(indices, own, where)
+        used += len(indices)
+        limits.check_faces(used // 3)
         faces.append(starts[position] + _triangles(indices, mode))
     return np.concatenate(vertices), np.concatenate(faces)
 

@@ -15,6 +15,7 @@ from reebase.errors import (
     ExternalReference,
     FaceIndexOutOfRange,
     FormatError,
+    LimitError,
     TruncatedFile,
     UnsupportedFeature,
 )
@@ -23,14 +24,18 @@ from reebase.mesh.read.limits import Limits
 __all__ = ["Accessors", "field", "table"]
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+MOST_RECORDS = 100_000
+"""Of each kind: nodes, meshes, primitives of a mesh, ..."""
 _DATA_URI = re.compile(r"data:[^,]{0,256}?(;base64)?,", re.ASCII)
 
 
 def table(record: dict[str, Any], name: str) -> list[dict[str, Any]]:
-    """A list of objects, empty when it is missing. Raises FormatError when it is anything else."""
+    """A list of objects, empty when it is missing. Raises FormatError, LimitError."""
     found = record.get(name, [])
     if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
         raise FormatError(f"glTF: {name} is not a list of objects.")
+    if len(found) > MOST_RECORDS:
+        raise LimitError(f"The glTF file has {len(found):,} {name}; the limit is {MOST_RECORDS:,}.")
     return found
 
 

@@ -54,7 +54,7 @@ def read_obj(data: bytes, limits: Limits) -> Mesh:
     if not corners:
         raise NoFaces(f"The OBJ file has {vertex_count} vertices but no face (no line that starts with f).")
     positions = np.concatenate(vertices) if vertices else np.zeros((0, 3))
-    return build(positions, np.concatenate(corners), np.concatenate(sizes), limits)
+    return build(positions, np.concatenate(corners), np.concatenate(sizes), limits, base=1)
 
 
 def _positions(rows: list[list[bytes]], at: list[int], text: bytes, start: int) -> npt.NDArray[np.float64]:

@@ -17,7 +17,7 @@ from reebase.mesh.read.text import integers, numbers, plain_text, quoted, withou
 
 __all__ = ["HEADER", "read_off"]
 
-HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z_])")
+HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?(?i:OFF)(?![A-Za-z_])")
 _COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)(?:[ \t]+(\S+))?[ \t]*(?=[\r\n]|\Z)")
 _FREE_COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)\s+(\S+)")
 

@@ -26,6 +26,7 @@ TYPES = {
 }  # fmt: skip
 INDEX_LISTS = ("vertex_indices", "vertex_index")
 MOST_ELEMENTS = 256
+LONGEST_HEADER = 1 << 20
 
 
 def read_ply(data: bytes, limits: Limits) -> Mesh:
@@ -64,9 +65,9 @@ def _header(data: bytes) -> tuple[str, list[Element], int]:
     if match is None:
         raise FormatError(f"PLY: the file starts with {quoted(data[:16])}, not with a line that says ply.")
     newline = match.group(1)
-    end = re.search(newline + rb"[ \t]*end_header[ \t]*(" + newline + rb"|\Z)", data)
+    end = re.search(newline + rb"[ \t]*end_header[ \t]*(" + newline + rb"|\Z)", data[:LONGEST_HEADER])
     if end is None:
-        raise TruncatedFile("PLY: the header has no line end_header.")
+        raise TruncatedFile(f"PLY: there is no line end_header in the first {LONGEST_HEADER:,} bytes.")
     layout = ""
     found: list[tuple[str, int, list[Property]]] = []
     for line in data[match.end() : end.start()].split(newline):

@@ -32,10 +32,16 @@ Point = tuple[float, float]
 
 
 def build(
-    vertices: npt.NDArray[Any], corners: npt.NDArray[Any], sizes: npt.NDArray[Any], limits: Limits
+    vertices: npt.NDArray[Any],
+    corners: npt.NDArray[Any],
+    sizes: npt.NDArray[Any],
+    limits: Limits,
+    *,
+    base: int = 0,
 ) -> Mesh:
     """The mesh of polygons: ``corners`` are the vertex indices of all polygons in a row, ``sizes`` how
     many belong to each. Polygons of fewer than three corners are lines and points, and are left out.
+    ``base`` is the number that the format gives to the first vertex, for messages.
 
     Raises NonFiniteVertices, FaceIndexOutOfRange, NoFaces, LimitError, UnsupportedFeature.
     """
@@ -50,9 +56,9 @@ def build(
         at = int(np.flatnonzero(outside)[0])
         face = int(np.searchsorted(np.cumsum(sizes), at, side="right"))
         raise FaceIndexOutOfRange(
-            f"Face {face} (counted from 0) refers to vertex {int(corners[at])}, but the file has "
-            f"{len(vertices)} vertices.",
-            face=face, vertex=int(corners[at]), vertices=len(vertices),
+            f"Face {face + base} refers to vertex {int(corners[at]) + base}, but there are only "
+            f"{len(vertices)} vertices (faces and vertices are counted from {base}).",
+            face=face + base, vertex=int(corners[at]) + base, vertices=len(vertices),
         )  # fmt: skip
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():

@@ -34,8 +34,9 @@ _OBJ_LINE = re.compile(
     rb"(?m)^[ \t]*(v[ \t]+[-+.\d]+[ \t]+[-+.\d]|f[ \t]+-?\d+(/|[ \t]+-?\d)|(mtllib|usemtl)[ \t]+\S)"
 )
 _COUNTS = re.compile(rb"\s*\d+[ \t]+\d+([ \t]+\d+)?[ \t]*\r?\n\s*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+")
+_GLTF_KEY = re.compile(rb'"(asset|accessors|bufferViews|buffers|meshes|nodes|scenes?)"\s*:')
 START = 65536
-"""Bytes that are looked at."""
+"""Bytes that are looked at (a text STL that has no facet among them, nor later, is empty)."""
 
 
 def canonical(name: str) -> str:
@@ -51,11 +52,14 @@ def canonical(name: str) -> str:
     )
 
 
-def sniff(data: bytes, name: str | None = None) -> str:
+def sniff(data: bytes, name: str | None = None, *, size: int | None = None) -> str:
     """The format of a file, one of FORMATS, from its first bytes and its name (a path or file name).
 
     What starts with a signature (PLY, GLB, zip, OFF, solid ... facet) is that format under any name; else
-    the name's suffix decides; else the content is looked at more closely. Raises UnknownFormat.
+    the name's suffix decides; else the content is looked at more closely.
+
+    data: the file, or its first START bytes when ``size``, the whole file's, is given: a binary STL has no
+    signature and is known by its size. Raises UnknownFormat.
     """
     signed = _signed(data)
     if signed:
@@ -65,7 +69,7 @@ def sniff(data: bytes, name: str | None = None) -> str:
         return canonical(suffix)
     except UnknownFormat:
         pass
-    guessed = _guessed(data)
+    guessed = _guessed(data, len(data) if size is None else size)
     if guessed:
         return guessed
     named = f"the name ends in {suffix[:20]!r} and " if suffix else ""
@@ -95,18 +99,17 @@ def _signed(data: bytes) -> str | None:
     return None
 
 
-def _guessed(data: bytes) -> str | None:
+def _guessed(data: bytes, size: int) -> str | None:
     """The format that the content looks like."""
-    exact = len(data) >= 84 and int.from_bytes(data[80:84], "little") * 50 + 84 == len(data)
-    if exact and len(data) > 84:
+    announced = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
+    if announced and announced * 50 + 84 == size:
         return "stl"
     start = plain_text(data[:START])
     if is_text(start):
         if start.lstrip().startswith(b"{"):
-            return "gltf" if re.search(rb'"asset"\s*:', data) else None
+            return "gltf" if _GLTF_KEY.search(start) else None
         text = without_comments(start)
         if _OBJ_LINE.search(text):
             return "obj"
         return "off" if _COUNTS.match(text) else None
-    announced = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
-    return "stl" if announced and announced * 50 + 84 <= len(data) else None
+    return "stl" if announced and announced * 50 + 84 <= size else None

@@ -25,6 +25,9 @@ __all__ = [
 PIECE = 1 << 20
 """Bytes of text that are split into tokens at a time: 1 MiB is about 15 MiB of tokens."""
 
+LONGEST_PIECE = 16 << 20
+"""A longer piece is one endless line; split, it would take gigabytes."""
+
 _SIGN_BEFORE_EXPONENT = re.compile(r"^([+-]?[\d.]+)([+-])[eEdD](\d+)$")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
@@ -55,12 +58,17 @@ def quoted(token: bytes, longest: int = 40) -> str:
 
 
 def pieces(data: bytes, separators: bytes = b"\n") -> Iterator[tuple[int, bytes]]:
-    """(offset, piece) of about PIECE bytes each, cut only behind one of the separator bytes."""
+    """(offset, piece) of about PIECE bytes each, cut only behind one of the separator bytes.
+
+    Raises FormatError for a line without end.
+    """
     start = 0
     pattern = re.compile(b"[" + re.escape(separators) + b"]")
     while start < len(data):
         found = pattern.search(data, start + PIECE)
         end = len(data) if found is None else found.end()
+        if end - start > LONGEST_PIECE:
+            raise FormatError(f"The file has a line of more than {LONGEST_PIECE - PIECE:,} bytes.")
         yield start, data[start:end]
         start = end
 

@@ -10,7 +10,7 @@ from xml.parsers import expat
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import FaceIndexOutOfRange, FormatError, NoFaces
+from reebase.errors import FaceIndexOutOfRange, FormatError, LimitError, NoFaces
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.archive import Archive
 from reebase.mesh.read.limits import Limits
@@ -20,6 +20,9 @@ __all__ = ["read_3mf"]
 
 MOST_NESTED = 64
 """Components within components; real files have one or two."""
+
+MOST_PARTS = 100_000
+"""Objects, components and build items; empty ones cost memory and time too, and may multiply."""
 
 Floats = npt.NDArray[np.float64]
 Key = tuple[str, str]
@@ -108,6 +111,8 @@ def _run(content: bytes, start: Callable[[str, dict[str, str]], None], path: str
         parser.Parse(content, True)
     except expat.ExpatError as error:
         raise FormatError(f"3MF: {path[:80]!r} is not well-formed XML ({error}).") from None
+    except KeyError:
+        raise
     except (LookupError, ValueError) as error:
         raise FormatError(f"3MF: {path[:80]!r} is not well-formed XML ({error}).") from None
 
@@ -115,9 +120,10 @@ def _run(content: bytes, start: Callable[[str, dict[str, str]], None], path: str
 def _parse(content: bytes, path: str, limits: Limits) -> _Model:
     model = _Model()
     current = _Object()
+    parts = 0
 
     def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal current
+        nonlocal current, parts
         local = _local(name)
         if local == "vertex":
             current.coordinates += (attributes["x"], attributes["y"], attributes["z"])
@@ -129,10 +135,16 @@ def _parse(content: bytes, path: str, limits: Limits) -> _Model:
                 limits.check_faces(len(current.corners) // 3)
         elif local == "object":
             current = model.objects.setdefault((path, attributes["id"]), _Object())
+            parts += 1
+            _check_parts(parts)
         elif local == "component":
             current.components.append(_reference(attributes, path))
+            parts += 1
+            _check_parts(parts)
         elif local == "item":
             model.items.append(_reference(attributes, path))
+            parts += 1
+            _check_parts(parts)
 
     try:
         _run(content, start, path)
@@ -143,8 +155,13 @@ def _parse(content: bytes, path: str, limits: Limits) -> _Model:
     except KeyError as error:
         raise FormatError(f"3MF: an element in {path[:80]!r} lacks its attribute {error}.") from None
     except (ValueError, OverflowError) as error:
-        raise FormatError(f"3MF: {path[:80]!r} has a number that is none ({error}).") from None
+        raise FormatError(f"3MF: {path[:80]!r} holds something that is not a number ({error}).") from None
     return model
+
+
+def _check_parts(found: int) -> None:
+    if found > MOST_PARTS:
+        raise LimitError(f"The 3MF file has more than {MOST_PARTS:,} parts.", limit=MOST_PARTS)
 
 
 def _reference(attributes: dict[str, str], path: str) -> tuple[Key, Floats]:
@@ -176,8 +193,7 @@ def _assemble(model: _Model, limits: Limits) -> Mesh:
         if depth > MOST_NESTED:
             raise FormatError("3MF: components are nested too deeply, or contain themselves.")
         placed += 1
-        # Components without triangles could multiply without end.
-        limits.check_faces(placed)
+        _check_parts(placed)
         one = model.objects[key]
         with np.errstate(all="ignore"):
             vertices.append(one.vertices @ transform[:3] + transform[3])
