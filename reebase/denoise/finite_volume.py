@@ -65,7 +65,7 @@ FINITE_VOLUME = Filter(
         ),
         "scale": Choice(
             "median", ("median", "root_mean_square"),
-            "sigma: scaled median absolute deviation of the offsets, or their root mean square",
+            "sigma: scaled median absolute deviation of r_ij, or root mean square of |v_i - c_j|",
         ),
         "anisotropy": Choice(True, (True, False), "whether the step is scaled by the fractional anisotropy"),
     },

@@ -143,8 +143,10 @@ def spread_of_neighbours(
 
 
 @njit(cache=True, nogil=True)
-def scale_of(offsets: FloatArray, size: int, robust: bool, scratch: FloatArray) -> float:
-    """sigma: scaled median absolute deviation of the first ``size`` offsets, or their root mean square."""
+def scale_of(
+    centroids: FloatArray, offsets: FloatArray, size: int, robust: bool, scratch: FloatArray
+) -> float:
+    """sigma: scaled median absolute deviation of the offsets, or root mean square of |c_j - v_i|."""
     if robust:
         scratch[:size] = offsets[:size]
         middle = median(scratch, size)
@@ -153,7 +155,7 @@ def scale_of(offsets: FloatArray, size: int, robust: bool, scratch: FloatArray) 
         return 1.4826 * median(scratch, size)
     total = 0.0
     for k in range(size):
-        total += offsets[k] * offsets[k]
+        total += centroids[k, 0] ** 2 + centroids[k, 1] ** 2 + centroids[k, 2] ** 2
     return math.sqrt(total / size)
 
 
@@ -206,7 +208,7 @@ def finite_volume_step(
             offsets[k] = -(
                 centroids[k, 0] * normal[0] + centroids[k, 1] * normal[1] + centroids[k, 2] * normal[2]
             )
-        sigma = max(scale_of(offsets, size, robust, scratch), floor)
+        sigma = max(scale_of(centroids, offsets, size, robust, scratch), floor)
         moved = -fraction * weighted_offset(centroids, offsets, size, sigma, scratch)
         displacements[i, 0] = moved * normal[0]
         displacements[i, 1] = moved * normal[1]

@@ -63,7 +63,7 @@ def finite_volume(
         if scale == "median":
             sigma = 1.4826 * np.median(np.abs(r - np.median(r)))
         else:
-            sigma = math.sqrt(np.mean(r**2))
+            sigma = math.sqrt(np.mean([(v[i] - c) @ (v[i] - c) for c in centroids]))
         sigma = max(sigma, floor)
         exponents = np.array([(v[i] - c) @ (v[i] - c) / (2 * sigma**2) for c in centroids])
         w = np.exp(-(exponents - exponents.min()))
