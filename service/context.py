@@ -1,0 +1,55 @@
+"""What every request works with: one value, made when the service starts, closed when it stops."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from fastapi import Depends
+from starlette.requests import Request
+
+from service.metrics import Metrics
+from service.rates import RateLimiter
+from service.settings import ServiceSettings
+from store.blobs import Blobs, open_blobs
+from store.engine import Database
+from store.follower import IndexFollower
+
+__all__ = ["Context", "Here"]
+
+
+@dataclass(frozen=True)
+class Context:
+    """Settings, database, blobs, and what this process holds in memory.
+
+    stopping: set when the service is told to stop, so that requests that wait answer at once.
+    """
+
+    settings: ServiceSettings
+    database: Database
+    blobs: Blobs
+    follower: IndexFollower
+    metrics: Metrics
+    limiter: RateLimiter = field(default_factory=RateLimiter)
+    stopping: threading.Event = field(default_factory=threading.Event)
+
+    @classmethod
+    def open(cls, settings: ServiceSettings, metrics: Metrics, stopping: threading.Event) -> Context:
+        """Raises what the store raises when its places cannot be used."""
+        database = Database(settings.database_url)
+        return cls(
+            settings, database, open_blobs(settings), IndexFollower(database), metrics, stopping=stopping
+        )
+
+    def close(self) -> None:
+        self.database.close()
+
+
+def context_of(request: Request) -> Context:
+    """The context of the application that serves this request."""
+    found: Context = request.app.state.context
+    return found
+
+
+Here = Annotated[Context, Depends(context_of)]

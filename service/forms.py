@@ -1,0 +1,69 @@
+"""Values that come as text, in form fields or query parameters, and the models that check them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from service.errors import InvalidRequest, MalformedJson
+from service.problems import field_errors
+from service.strict import parse_json
+
+__all__ = ["model_of_fields", "model_of_json"]
+
+M = TypeVar("M", bound=BaseModel)
+
+Fields = Mapping[str, Sequence[str]]
+
+
+def model_of_json(model: type[M], value: Any) -> M:
+    """The model of a JSON body. Raises InvalidRequest."""
+    try:
+        return model.model_validate(value)
+    except ValidationError as error:
+        found = [{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)]
+        raise InvalidRequest(field_errors(found)) from None
+
+
+def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = frozenset()) -> M:
+    """The model of text fields: ``tags`` may repeat and hold commas, ``metadata`` is JSON, "null" is null.
+
+    leave: names that belong to somebody else. Raises InvalidRequest.
+    """
+    values: dict[str, Any] = {}
+    for name, texts in fields.items():
+        if name in leave:
+            continue
+        if name == "tags":
+            values[name] = [tag.strip() for text in texts for tag in text.split(",") if tag.strip()]
+        elif len(texts) > 1:
+            raise _wrong(name, "was given more than once", "repeated")
+        elif name == "metadata":
+            values[name] = _metadata(texts[0])
+        elif texts[0] in {"", "null"}:
+            # An empty field of a form says nothing; null says none.
+            if texts[0] == "null":
+                values[name] = None
+        else:
+            values[name] = texts[0]
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise InvalidRequest(field_errors(error.errors(include_url=False), location="form")) from None
+
+
+def _metadata(text: str) -> Any:
+    if not text.strip():
+        return {}
+    try:
+        return parse_json(text)
+    except MalformedJson as error:
+        raise _wrong("metadata", f"is not a JSON object: {error.message}", "json_invalid") from None
+
+
+def _wrong(name: str, detail: str, code: str) -> InvalidRequest:
+    return InvalidRequest(
+        [{"detail": f"{name[:80]}: {detail}", "code": code, "parameter": name[:80], "location": "form"}]
+    )

@@ -1,0 +1,87 @@
+"""OpenAPI for the two routes that read their bodies themselves, because these are meshes that stream."""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["QUERY", "UPLOAD"]
+
+_BYTES: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+
+_ABOUT_SHAPE: dict[str, dict[str, Any]] = {
+    "name": {"type": "string", "description": "By default the file's name."},
+    "label": {"type": "string", "description": "Class, for filters and evaluation."},
+    "tags": {
+        "type": "array",
+        "items": {"type": "string"},
+        "description": "Repeated, or separated by commas.",
+    },
+    "metadata": {"type": "string", "description": "A JSON object.", "examples": ['{"source": "scan"}']},
+    "format": {"type": "string", "description": "One of /v1/formats, where content and name do not tell."},
+}
+
+_ABOUT_QUERY: dict[str, dict[str, Any]] = {
+    "k": {"type": "integer", "minimum": 1, "default": 10},
+    "tolerance": {"type": "string", "description": "Whole number, or `null` for any.", "default": "2"},
+    "measure": {"type": "string", "default": "matching"},
+    "label": {"type": "string"},
+    "tags": {"type": "array", "items": {"type": "string"}},
+    "metadata": {"type": "string", "description": "A JSON object."},
+    "max_dissimilarity": {"type": "number", "minimum": 0},
+    "format": {"type": "string"},
+}
+
+
+def _parameters(fields: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name, "in": "query", "required": False,
+            "description": f"{schema.get('description', '')} For a body of bytes.".strip(),
+            "schema": {key: value for key, value in schema.items() if key not in {"description", "examples"}},
+        }
+        for name, schema in fields.items()
+    ]  # fmt: skip
+
+
+def _form(fields: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    file = {"type": "string", "format": "binary", "description": "The mesh."}
+    properties = {"file": file, **fields}
+    return {
+        "schema": {
+            "type": "object",
+            "properties": properties,
+            "required": ["file"],
+            "additionalProperties": False,
+        }
+    }
+
+
+UPLOAD: dict[str, Any] = {
+    "parameters": [
+        *_parameters(_ABOUT_SHAPE),
+        {"name": "filename", "in": "query", "required": False, "schema": {"type": "string"},
+         "description": "The file's own name. For a body of bytes."},
+    ],
+    "requestBody": {
+        "required": True,
+        "content": {"multipart/form-data": _form(_ABOUT_SHAPE), "application/octet-stream": _BYTES},
+    },
+}  # fmt: skip
+"""POST …/shapes."""
+
+QUERY: dict[str, Any] = {
+    "parameters": [
+        *_parameters(_ABOUT_QUERY),
+        {"name": "wait", "in": "query", "required": False, "description": "Seconds, for a query by mesh.",
+         "schema": {"type": "number", "minimum": 0, "maximum": 60, "default": 30}},
+    ],
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"$ref": "#/components/schemas/QueryBody"}},
+            "multipart/form-data": _form(_ABOUT_QUERY),
+            "application/octet-stream": _BYTES,
+        },
+    },
+}  # fmt: skip
+"""POST …/query."""

@@ -1,0 +1,115 @@
+"""Evaluations: start, list, look, the matrix, delete."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from sqlalchemy import Connection
+from starlette.requests import Request
+from starlette.responses import Response
+
+from service.auth import Principal, Reader, Writer
+from service.checks import check_evaluation
+from service.context import Here
+from service.replay import json_response, once, same_request
+from service.routes.common import Cursor, IdempotencyKey, IdPath, PageSize, api_router, open_collection
+from service.schemas.common import PageOf
+from service.schemas.evaluations import EvaluationValue, MatrixValue, NewEvaluation
+from service.values import evaluation_value
+from store import evaluations
+from store.errors import EvaluationNotFound
+from store.records import Evaluation
+
+__all__ = ["router"]
+
+router = api_router("evaluations")
+
+_STARTED: dict[int | str, dict[str, Any]] = {
+    202: {
+        "description": "Queued.",
+        "headers": {"Location": {"description": "The evaluation.", "schema": {"type": "string"}}},
+    }
+}
+
+
+def _visible(conn: Connection, principal: Principal, evaluation_id: str) -> Evaluation:
+    found = evaluations.get(conn, evaluation_id)
+    if not principal.sees(found.collection_id):
+        raise EvaluationNotFound(f"There is no evaluation {evaluation_id[:80]!r}.")
+    return found
+
+
+@router.post(
+    "/evaluations", operation_id="createEvaluation", summary="Evaluate retrieval", status_code=202,
+    response_model=EvaluationValue, responses=_STARTED,
+)  # fmt: skip
+def create_evaluation(
+    request: Request,
+    here: Here,
+    principal: Writer,
+    body: NewEvaluation,
+    idempotency_key: IdempotencyKey = None,
+) -> Response:
+    """Leave-one-out over a collection with labels or over the synthetic set; a task with progress."""
+    check_evaluation(body)
+    if body.collection is None:
+        principal.need_everywhere()
+    params = body.model_dump(exclude_none=True)
+    if body.profile is not None:
+        params["profile"] = body.profile.model_dump()
+    asked = same_request(request, principal, idempotency_key, params)
+    with here.database.write() as conn:
+        opened = None if body.collection is None else open_collection(conn, principal, body.collection)
+
+        def work() -> Response:
+            made = evaluations.create(
+                conn, params=params, collection_id=None if opened is None else opened.id
+            )
+            location = {"Location": f"/v1/evaluations/{made.id}"}
+            return json_response(evaluation_value(conn, made), 202, location)
+
+        return once(conn, here, asked, work)
+
+
+@router.get("/evaluations", operation_id="listEvaluations", summary="Evaluations, newest first")
+def list_evaluations(
+    here: Here, principal: Reader, limit: PageSize = 20, cursor: Cursor = None
+) -> PageOf[EvaluationValue]:
+    """All evaluations that the key may see."""
+    with here.database.read() as conn:
+        page = evaluations.list_page(conn, limit=limit, cursor=cursor, collection_id=principal.collection_id)
+        return PageOf(items=[evaluation_value(conn, one) for one in page.items], next=page.next)
+
+
+@router.get("/evaluations/{evaluation}", operation_id="getEvaluation", summary="An evaluation")
+def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> EvaluationValue:
+    """Its task with state and progress and, once that succeeded, the report."""
+    with here.database.read() as conn:
+        return evaluation_value(conn, _visible(conn, principal, evaluation))
+
+
+@router.get(
+    "/evaluations/{evaluation}/matrix", operation_id="getMatrix", summary="Dissimilarity matrix",
+    response_model=MatrixValue,
+)  # fmt: skip
+def get_matrix(here: Here, principal: Reader, evaluation: IdPath) -> Response:
+    """D of all pairs, with the names and labels of rows and columns."""
+    with here.database.read() as conn:
+        found = _visible(conn, principal, evaluation)
+    matrix = evaluations.load_matrix(here.blobs, found)
+    value = {"id": found.id, "items": found.items or [], "matrix": matrix.tolist()}
+    return Response(json.dumps(value, allow_nan=False).encode(), media_type="application/json")
+
+
+@router.delete(
+    "/evaluations/{evaluation}",
+    operation_id="deleteEvaluation",
+    summary="Delete an evaluation",
+    status_code=204,
+)
+def delete_evaluation(here: Here, principal: Writer, evaluation: IdPath) -> None:
+    """With its task, which stops if it runs, and its matrix."""
+    with here.database.write() as conn:
+        _visible(conn, principal, evaluation)
+        evaluations.delete(conn, evaluation)

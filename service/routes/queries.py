@@ -1,0 +1,171 @@
+"""Queries: by a stored shape, by a mesh that is not kept, in batches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from reebase.errors import ReebaseError
+from service.auth import Principal, Reader
+from service.checks import check_query
+from service.context import Context, Here
+from service.errors import InvalidRequest
+from service.forms import model_of_fields, model_of_json
+from service.problems import problem_response, task_problem, value_of
+from service.replay import json_response, once, same_request
+from service.routes.common import CollectionPath, IdempotencyKey, api_router, open_collection
+from service.routes.documents import QUERY
+from service.schemas.common import Body, Finite
+from service.schemas.queries import (
+    AnswerValue,
+    BatchBody,
+    BatchValue,
+    PendingAnswer,
+    QueryBody,
+    QueryParameters,
+)
+from service.uploads import Upload, received
+from service.values import task_value
+from service.waiting import wait_for
+from store import faults, tasks
+from store.answers import QuerySpec, answer_query
+from store.records import Task
+
+__all__ = ["router"]
+
+router = api_router("queries")
+
+_OF_THE_FILE = frozenset({"format", "filename", "wait"})
+
+_ANSWERS: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The answer.", "model": AnswerValue},
+    202: {
+        "description": "The mesh is still being described; the task will hold the answer.",
+        "model": PendingAnswer,
+        "headers": {"Location": {"description": "The task.", "schema": {"type": "string"}}},
+    },
+}
+
+
+class _Wait(Body):
+    wait: Finite = Field(30.0, ge=0, le=60)
+
+
+@router.post(
+    "/collections/{collection}/query", operation_id="query", summary="Which shapes are like this one?",
+    response_model=AnswerValue, responses=_ANSWERS, openapi_extra=QUERY,
+)  # fmt: skip
+async def query(
+    request: Request, here: Here, principal: Reader, collection: CollectionPath,
+    idempotency_key: IdempotencyKey = None,
+) -> Response:  # fmt: skip
+    """The k shapes with the smallest D, each with the matched endpoints that explain it.
+
+    Send JSON to ask by the id of a shape, or a mesh (multipart or its bytes) that is not kept. A query by
+    mesh that is not done within `wait` seconds is answered with its task.
+    """
+    await run_in_threadpool(_check_open, here, principal, collection)
+    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    if kind == "application/json" or (kind.endswith("+json") and not kind.startswith("model/")):
+        body = model_of_json(QueryBody, await request.json())
+        return await run_in_threadpool(_by_shape, here, collection, body)
+    async with received(request, here.blobs, here.settings.max_upload_bytes) as upload:
+        parameters = model_of_fields(QueryParameters, upload.fields, leave=_OF_THE_FILE)
+        check_query(parameters, here.settings, form=True)
+        wait = model_of_fields(_Wait, {k: v for k, v in upload.fields.items() if k == "wait"}).wait
+        task, response = await run_in_threadpool(
+            _enqueue, request, here, principal, collection, upload, parameters, idempotency_key
+        )
+    return await _answer_of_task(request, here, task, response, min(wait, here.settings.max_wait_seconds))
+
+
+def _check_open(here: Context, principal: Principal, collection: str) -> None:
+    with here.database.read() as conn:
+        open_collection(conn, principal, collection)
+
+
+def _spec(collection: str, value: QueryParameters, shape: str | None) -> QuerySpec:
+    return QuerySpec(
+        collection, shape, k=value.k, tolerance=value.tolerance, measure=value.measure, label=value.label,
+        tags=tuple(value.tags), metadata=value.metadata, max_dissimilarity=value.max_dissimilarity,
+    )  # fmt: skip
+
+
+def _by_shape(here: Context, collection: str, body: QueryBody) -> Response:
+    check_query(body, here.settings)
+    answer = answer_query(here.database, here.follower, _spec(collection, body, body.shape))
+    return json_response(AnswerValue.model_validate(answer))
+
+
+def _enqueue(
+    request: Request, here: Context, principal: Principal, collection: str, upload: Upload,
+    parameters: QueryParameters, idempotency_key: str | None,
+) -> tuple[str, Response]:  # fmt: skip
+    """The id of the task that will answer, and the answer that names it."""
+    sha256 = upload.keep()
+    faults.point("upload.blob_stored")
+    params = {**_spec(collection, parameters, None).to_params(), "format": upload.format}
+    asked = same_request(request, principal, idempotency_key, {"sha256": sha256, **params})
+    with here.database.write() as conn:
+        opened = open_collection(conn, principal, collection)
+
+        def work() -> Response:
+            task = tasks.enqueue(conn, "query", collection_id=opened.id, params=params, blob=sha256)
+            location = {"Location": f"/v1/tasks/{task.id}"}
+            return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)
+
+        response = once(conn, here, asked, work)
+    faults.point("upload.row_committed")
+    return response.headers["location"].rsplit("/", 1)[-1], response
+
+
+async def _answer_of_task(
+    request: Request, here: Context, task_id: str, pending: Response, wait: float
+) -> Response:
+    """The answer when it came in time, the problem when the task failed, else the task as it is."""
+    task = await wait_for(request, here, task_id, wait)
+    replayed = {name: value for name, value in pending.headers.items() if name == "idempotency-replayed"}
+    if task.state == "succeeded":
+        return json_response(AnswerValue.model_validate(task.result), 200, replayed)
+    if task.ended:
+        return task_problem(request, task)
+    return await run_in_threadpool(_pending, here, task, replayed)
+
+
+def _pending(here: Context, task: Task, headers: dict[str, str]) -> Response:
+    with here.database.read() as conn:
+        value = PendingAnswer(task=task_value(conn, task))
+    return json_response(value, 202, {**headers, "Location": f"/v1/tasks/{task.id}"})
+
+
+@router.post(
+    "/collections/{collection}/queries", operation_id="queryBatch", summary="Several queries at once"
+)
+def query_batch(
+    request: Request, here: Here, principal: Reader, collection: CollectionPath, body: BatchBody
+) -> BatchValue:
+    """Queries by shape; each has its answer or its own problem, in their order."""
+    with here.database.read() as conn:
+        open_collection(conn, principal, collection)
+    limit = here.settings.max_batch
+    if len(body.queries) > limit:
+        detail = f"queries: there are {len(body.queries)}; at most {limit} are allowed"
+        raise InvalidRequest([{"detail": detail, "code": "too_many", "pointer": "/queries"}])
+    return BatchValue.model_validate(
+        {"results": [_one(request, here, collection, i, q) for i, q in enumerate(body.queries)]}
+    )
+
+
+def _one(request: Request, here: Context, collection: str, index: int, body: QueryBody) -> dict[str, Any]:
+    try:
+        check_query(body, here.settings, prefix=("queries", index))
+        answer = answer_query(here.database, here.follower, _spec(collection, body, body.shape))
+        return {"answer": answer, "problem": None}
+    except ReebaseError as error:
+        if problem_response(request, error).status_code >= 500:
+            raise
+        return {"answer": None, "problem": value_of(request, error)}

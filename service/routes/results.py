@@ -1,0 +1,154 @@
+"""What the pipeline learnt of a shape, and the bytes it came as."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any, Literal
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from service.auth import Principal, Reader
+from service.context import Context, Here
+from service.downloads import file_response
+from service.routes.about import WRITTEN
+from service.routes.common import CollectionPath, IdPath, api_router, open_collection
+from service.schemas.shapes import FeaturesValue, FieldValue, HealthValue, SkeletonValue
+from store import results, shapes
+from store.records import Shape, StoredSkeleton
+
+__all__ = ["router"]
+
+router = api_router("results")
+
+_SHAPE = "/collections/{collection}/shapes/{shape}"
+_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+_MESH_RESPONSE: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The mesh.", "content": dict.fromkeys(WRITTEN.values(), _BINARY)},
+    304: {"description": "Not modified."},
+}
+_ORIGINAL_RESPONSE: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The bytes.", "content": {"application/octet-stream": _BINARY}},
+    304: {"description": "Not modified."},
+}
+
+
+def _json(value: dict[str, Any]) -> Response:
+    """Large arrays go out as they are: checking each number again would cost more than computing it."""
+    return Response(json.dumps(value, allow_nan=False).encode(), media_type="application/json")
+
+
+def _skeleton(
+    here: Context, principal: Principal, collection: str, shape: str
+) -> tuple[Shape, StoredSkeleton]:
+    with here.database.read() as conn:
+        found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
+        return found, results.skeleton(conn, found.id)
+
+
+@router.get(
+    f"{_SHAPE}/skeleton", operation_id="getSkeleton", summary="Skeleton", response_model=SkeletonValue
+)
+def get_skeleton(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> Response:
+    """Nodes, edges, endpoints with their ω, and the root, of the pruned spectral Reeb graph."""
+    with here.database.read() as conn:
+        found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
+        stored = results.skeleton(conn, found.id)
+        omega = results.features(conn, found.id).features.tolist()
+    graph = stored.skeleton
+    nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
+    edges = zip(graph.edges.tolist(), graph.lengths.tolist(), strict=True)
+    # Where the paths have no length there are endpoints without features.
+    rows = omega if len(omega) == len(graph.endpoints) else [None] * len(graph.endpoints)
+    return _json({
+        "shape": found.id, "profile_key": stored.profile_key, "pipeline_version": stored.pipeline_version,
+        "nodes": [{"position": p, "area": a, "band": b} for p, a, b in nodes],
+        "edges": [{"nodes": pair, "length": length} for pair, length in edges],
+        "endpoints": [
+            {"node": node, "omega": row} for node, row in zip(graph.endpoints.tolist(), rows, strict=True)
+        ],
+        "root": int(graph.root), "cycles": int(graph.cycles), "eigenvalues": stored.eigenvalues.tolist(),
+    })  # fmt: skip
+
+
+@router.get(f"{_SHAPE}/field", operation_id="getField", summary="Scalar field", response_model=FieldValue)
+def get_field(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> Response:
+    """φ₂, or the profile's other field, at each vertex of the denoised mesh, in the order of its vertices."""
+    from reebase.mesh.read import read_scalars
+
+    with here.database.read() as conn:
+        opened = open_collection(conn, principal, collection)
+        found = shapes.get(conn, opened.id, shape)
+        stored = results.skeleton(conn, found.id)
+    _, scalars = read_scalars(here.blobs.get(stored.denoised_sha256))
+    values = [value if math.isfinite(value) else None for value in scalars["phi2"].tolist()]
+    return _json({
+        "shape": found.id, "profile_key": stored.profile_key, "field": opened.profile["field"],
+        "values": values,
+    })  # fmt: skip
+
+
+@router.get(f"{_SHAPE}/features", operation_id="getFeatures", summary="Feature vectors")
+def get_features(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> FeaturesValue:
+    """ω = (a, dv, dc) of each endpoint, in the order of the skeleton's endpoints."""
+    with here.database.read() as conn:
+        found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
+        stored = results.features(conn, found.id)
+    return FeaturesValue(
+        shape=found.id, profile_key=stored.profile_key, pipeline_version=stored.pipeline_version,
+        endpoint_count=stored.endpoint_count, features=stored.features.tolist(),
+    )  # fmt: skip
+
+
+@router.get(f"{_SHAPE}/health", operation_id="getHealth", summary="Health report")
+def get_health(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> HealthValue:
+    """What was found in the mesh, what was repaired, what is unusual, and how long each stage took."""
+    with here.database.read() as conn:
+        found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
+        stored = results.health(conn, found.id)
+    return HealthValue(
+        shape=found.id, profile_key=stored.profile_key, pipeline_version=stored.pipeline_version,
+        report=stored.report.to_json(), seconds=stored.seconds,
+    )  # fmt: skip
+
+
+@router.get(
+    f"{_SHAPE}/mesh", operation_id="getMesh", summary="Cleaned or denoised mesh", response_class=Response,
+    responses=_MESH_RESPONSE,
+)  # fmt: skip
+def get_mesh(
+    request: Request, here: Here, principal: Reader, collection: CollectionPath, shape: IdPath,
+    stage: Literal["cleaned", "denoised"] = "denoised",
+    format: Literal["ply", "glb", "obj", "stl", "off"] = "ply",
+) -> Response:  # fmt: skip
+    """The mesh after cleaning, or after denoising; as PLY the latter carries the field as `phi2`."""
+    from reebase.mesh.read import read_scalars
+    from reebase.mesh.write import to_bytes
+
+    found, stored = _skeleton(here, principal, collection, shape)
+    sha256 = stored.cleaned_sha256 if stage == "cleaned" else stored.denoised_sha256
+    data = here.blobs.get(sha256)
+    if format != "ply":
+        mesh, scalars = read_scalars(data)
+        data = to_bytes(mesh, format, scalars=scalars if format == "glb" else None)
+    return file_response(
+        request, data, size=len(data), etag=f"{sha256}-{format}", media_type=WRITTEN[format],
+        filename=f"{found.name}-{stage}.{format}",
+    )  # fmt: skip
+
+
+@router.get(
+    f"{_SHAPE}/original", operation_id="getOriginal", summary="The uploaded bytes", response_class=Response,
+    responses=_ORIGINAL_RESPONSE,
+)  # fmt: skip
+def get_original(
+    request: Request, here: Here, principal: Reader, collection: CollectionPath, shape: IdPath
+) -> Response:
+    """Exactly what was uploaded."""
+    with here.database.read() as conn:
+        found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
+    return file_response(
+        request, here.blobs.stream(found.sha256), size=found.bytes, etag=found.sha256,
+        media_type="application/octet-stream", filename=found.filename or f"{found.name}.{found.format}",
+    )  # fmt: skip

@@ -1,0 +1,71 @@
+"""What the service says about itself."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from service.schemas.common import Moment, Value
+
+__all__ = ["FormatsValue", "LimitsValue", "LiveValue", "MeasuresValue", "ReadyValue"]
+
+
+class LimitsValue(Value):
+    """What a request may hold. Sizes are in bytes, times in seconds."""
+
+    max_upload_bytes: int
+    max_vertices: int
+    max_faces: int
+    max_json_bytes: int
+    max_k: int
+    max_batch: int
+    max_page: int
+    max_wait_seconds: float
+    max_name_length: int
+    max_label_length: int
+    max_tags: int
+    max_tag_length: int
+    max_metadata_bytes: int
+
+
+class Format(Value):
+    """A format that can be uploaded."""
+
+    name: str = Field(examples=["ply"])
+    media_type: str
+
+
+class FormatsValue(Value):
+    """All formats that can be uploaded, and those that meshes are given back in."""
+
+    items: list[Format]
+    written: list[str]
+
+
+class Measure(Value):
+    """A dissimilarity D."""
+
+    name: str = Field(examples=["matching"])
+    description: str
+
+
+class MeasuresValue(Value):
+    """All measures of D; `default` is used when a query names none."""
+
+    items: list[Measure]
+    default: str
+
+
+class LiveValue(Value):
+    """The process answers."""
+
+    status: str = Field(examples=["live"])
+    version: str
+
+
+class ReadyValue(Value):
+    """The database is reachable and has the tables that this version needs."""
+
+    status: str = Field(examples=["ready"])
+    version: str
+    worker_seen_at: Moment | None = Field(description="When a worker last worked; null when none did yet.")
+    queued: int
