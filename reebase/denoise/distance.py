@@ -66,6 +66,6 @@ def square_distances(points: FloatArray, corners: FloatArray) -> FloatArray:
     inside = square > 0
     for k in range(3):
         side = corners[..., (k + 1) % 3, :] - corners[..., k, :]
-        inside &= (np.cross(side, points - corners[..., k, :]) * normal).sum(axis=-1) >= 0
+        inside = inside & ((np.cross(side, points - corners[..., k, :]) * normal).sum(axis=-1) >= 0)
     height = ((points - corners[..., 0, :]) * normal).sum(axis=-1) ** 2 / np.where(square > 0, square, 1.0)
     return np.where(inside, np.minimum(least, height), least)

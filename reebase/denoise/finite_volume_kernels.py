@@ -40,25 +40,11 @@ def median(values: FloatArray, count: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def minor_eigenvector(
-    a: float, b: float, c: float, d: float, e: float, f: float, root: float, otherwise: Vector
-) -> Vector:
-    """Unit eigenvector of the smallest eigenvalue of the deviator ((a, b, c), (b, d, e), (c, e, f)) / root.
+def null_vector(a: float, b: float, c: float, d: float, e: float, f: float) -> Vector:
+    """Unit vector that the singular matrix ((a, b, c), (b, d, e), (c, e, f)) takes to zero.
 
-    root: Frobenius norm over sqrt 6, so that the eigenvalues of the quotient are 2 cos(t), 2 cos(t ± 2 pi /
-    3). Its sign is that of ``otherwise``, which is returned when the smallest eigenvalue is not simple.
+    It is the longest of the cross products of two rows, which does not vanish when the rank is 2.
     """
-    if root <= 0.0:
-        return otherwise
-    a, b, c, d, e, f = a / root, b / root, c / root, d / root, e / root, f / root
-    half = 0.5 * (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d))
-    x = 2.0 * math.cos((math.acos(min(1.0, max(-1.0, half))) + 2.0 * math.pi) / 3.0)
-    for _ in range(2):  # Newton on x^3 - 3x - 2 half: the arc cosine loses half the digits near its ends
-        if x < -1.0:
-            x -= (x * x * x - 3.0 * x - 2.0 * half) / (3.0 * x * x - 3.0)
-    if -3.0 * x - math.sqrt(max(0.0, 12.0 - 3.0 * x * x)) <= 2.0 * SEPARATED:
-        return otherwise
-    a, d, f = a - x, d - x, f - x
     px, py, pz = b * e - c * d, c * b - a * e, a * d - b * b
     qx, qy, qz = b * f - c * e, c * c - a * f, a * e - b * c
     rx, ry, rz = d * f - e * e, e * c - b * f, b * e - d * c
@@ -68,9 +54,68 @@ def minor_eigenvector(
     if p < r:
         px, py, pz, p = rx, ry, rz, r
     length = math.sqrt(p)
-    if px * otherwise[0] + py * otherwise[1] + pz * otherwise[2] < 0.0:
-        length = -length
     return px / length, py / length, pz / length
+
+
+@njit(cache=True, nogil=True)
+def lower_in_plane(
+    a: float, b: float, c: float, d: float, e: float, f: float, x: float, y: float, z: float
+) -> tuple[float, float, float, float]:
+    """The lower eigenvector of ((a, b, c), (b, d, e), (c, e, f)) across its unit eigenvector (x, y, z).
+
+    Also returned, last: the difference of the two eigenvalues across it.
+    """
+    if abs(x) > abs(z):
+        length = math.sqrt(x * x + y * y)
+        ux, uy, uz = -y / length, x / length, 0.0
+    else:
+        length = math.sqrt(y * y + z * z)
+        ux, uy, uz = 0.0, -z / length, y / length
+    vx, vy, vz = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    sx, sy, sz = a * ux + b * uy + c * uz, b * ux + d * uy + e * uz, c * ux + e * uy + f * uz
+    tx, ty, tz = a * vx + b * vy + c * vz, b * vx + d * vy + e * vz, c * vx + e * vy + f * vz
+    tilt = 0.5 * (ux * sx + uy * sy + uz * sz - vx * tx - vy * ty - vz * tz)
+    mixed = ux * tx + uy * ty + uz * tz
+    radius = math.sqrt(tilt * tilt + mixed * mixed)
+    if tilt >= 0.0:
+        along, across = -mixed, tilt + radius
+    else:
+        along, across = radius - tilt, -mixed
+    length = math.sqrt(along * along + across * across)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    along, across = along / length, across / length
+    return along * ux + across * vx, along * uy + across * vy, along * uz + across * vz, 2.0 * radius
+
+
+@njit(cache=True, nogil=True)
+def minor_eigenvector(
+    a: float, b: float, c: float, d: float, e: float, f: float, root: float, otherwise: Vector
+) -> Vector:
+    """Unit eigenvector of the smallest eigenvalue of the deviator ((a, b, c), (b, d, e), (c, e, f)).
+
+    root: its Frobenius norm over sqrt 6, so that its eigenvalues are 2 root cos(t), 2 root cos(t ± 2 pi / 3).
+    The eigenvector whose eigenvalue stands apart is found first, and the minor one across it where it is
+    another: so its error is rounding over the gap, as a library's. Its sign is that of ``otherwise``, which is
+    returned when the smallest eigenvalue is not simple.
+    """
+    if root <= 0.0:
+        return otherwise
+    a, b, c, d, e, f = a / root, b / root, c / root, d / root, e / root, f / root
+    half = 0.5 * (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d))
+    angle = math.acos(min(1.0, max(-1.0, half))) / 3.0
+    if half <= 0.0:
+        lowest = 2.0 * math.cos(angle + 2.0 * math.pi / 3.0)
+        x, y, z = null_vector(a - lowest, b, c, d - lowest, e, f - lowest)
+    else:
+        highest = 2.0 * math.cos(angle)
+        x, y, z = null_vector(a - highest, b, c, d - highest, e, f - highest)
+        x, y, z, gap = lower_in_plane(a, b, c, d, e, f, x, y, z)
+        if gap <= SEPARATED:
+            return otherwise
+    if x * otherwise[0] + y * otherwise[1] + z * otherwise[2] < 0.0:
+        return -x, -y, -z
+    return x, y, z
 
 
 @njit(cache=True, nogil=True)
