@@ -231,13 +231,14 @@ def _dissimilarity(
 def one_to_many(query: Any, stacked: Any, starts: Any, ends: Any, code: int, out: Any) -> None:
     """out[c] = D(query, rows starts[c]..ends[c] of ``stacked``) by the measure ``code``."""
     n = len(query)
-    widest = n
+    largest = 0
     for c in range(len(starts)):
-        widest = max(widest, ends[c] - starts[c])
+        largest = max(largest, ends[c] - starts[c])
+    widest = max(n, largest)
     first = np.empty((n, 3))
-    second = np.empty((widest, 3))
+    second = np.empty((largest, 3))
     order = np.empty(widest, np.int64)
-    cost = np.empty((widest, widest))
+    cost = np.empty((min(n, largest), widest))
     reals = np.empty((3, widest))
     integers = np.empty((5, widest), np.int64)
     _arrange(query, 0, n, first, order)
@@ -258,7 +259,8 @@ def one_to_one(first: Any, second: Any, code: int, partner: Any) -> float:
     integers = np.empty((5, widest), np.int64)
     _arrange(first, 0, n, a, a_order)
     _arrange(second, 0, m, b, b_order)
-    total = _dissimilarity(a, n, b, m, code, np.empty((widest, widest)), np.empty((3, widest)), integers)
+    cost = np.empty((min(n, m), widest))
+    total = _dissimilarity(a, n, b, m, code, cost, np.empty((3, widest)), integers)
     for i in range(n):
         partner[i] = -1
     if code == GREEDY:

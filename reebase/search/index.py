@@ -126,10 +126,7 @@ class Index:
                 parameter="max_dissimilarity",
             )
         reachable = _reachable(self._buckets, len(rows), tolerance)
-        candidates = _Candidates(rows, chosen, reachable, among)
-        found = candidates.nearest(k, limit)
-        hits = [Hit(candidates.id(c), d, candidates.count(c)) for c, d in found]
-        return sorted(hits, key=lambda hit: (hit.dissimilarity, hit.id))[:k]
+        return _Candidates(rows, chosen, reachable, among).nearest(k, limit)
 
     def _forget(self, buckets: dict[int, Bucket], name: str) -> bool:
         """Take the shape out of ``buckets``, under the lock. A bucket of which half is gone is packed."""
@@ -172,33 +169,24 @@ class _Candidates:
         self._rows = np.concatenate(rows) if rows else np.empty(0, dtype=np.int64)
         self._starts = np.cumsum([0, *map(len, rows)])
 
-    def id(self, candidate: int) -> str:
-        return self._buckets[self._owner(candidate)].ids[int(self._rows[candidate])]
-
-    def count(self, candidate: int) -> int:
-        return self._buckets[self._owner(candidate)].count
-
-    def nearest(self, k: int, limit: float) -> list[tuple[int, float]]:
-        """(candidate, D) of the k nearest with D <= limit, and of all as near as the k-th, in no order."""
+    def nearest(self, k: int, limit: float) -> list[Hit]:
+        """The k nearest with D <= limit, by increasing D, ties by id."""
         everything = np.arange(len(self._rows))
         batch = max(_FIRST_BATCH, 4 * k)
         if not self._measure.bounded or len(everything) <= batch:
-            return self._cut(everything, self._compare(everything), k, limit)
+            return self._hits(everything, self._compare(everything), k, limit)
         bounds = self._bounds()
         order = np.argpartition(bounds, batch - 1)
         first, rest = order[:batch], order[batch:]
         known = self._compare(first)
         limit = min(limit, float(np.partition(known, k - 1)[k - 1]))
         rest = rest[bounds[rest] * (1 - _SLACK) <= limit]
-        compared = np.concatenate([first, rest])
-        return self._cut(compared, np.concatenate([known, self._compare(rest)]), k, limit)
-
-    def _owner(self, candidate: int) -> int:
-        return int(np.searchsorted(self._starts, candidate, side="right")) - 1
+        values = np.concatenate([known, self._compare(rest)])
+        return self._hits(np.concatenate([first, rest]), values, k, limit)
 
     def _parts(self, candidates: npt.NDArray[np.int64]) -> list[tuple[Bucket, npt.NDArray[np.int64]]]:
         """For each bucket, at which places of ``candidates`` its shapes stand."""
-        owners = np.searchsorted(self._starts, candidates, side="right") - 1
+        owners = self._owners(candidates)
         return [(bucket, np.flatnonzero(owners == b)) for b, bucket in enumerate(self._buckets)]
 
     def _compare(self, candidates: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
@@ -229,11 +217,22 @@ class _Candidates:
             bounds[part] = found[self._rows[part]]
         return bounds
 
-    @staticmethod
-    def _cut(
-        candidates: npt.NDArray[np.int64], values: npt.NDArray[np.float64], k: int, limit: float
-    ) -> list[tuple[int, float]]:
+    def _hits(
+        self, candidates: npt.NDArray[np.int64], values: npt.NDArray[np.float64], k: int, limit: float
+    ) -> list[Hit]:
+        """The k least of ``values``; where several are as near as the k-th, their ids decide."""
         if len(values) > k:
             limit = min(limit, float(np.partition(values, k - 1)[k - 1]))
         near = np.flatnonzero(values <= limit)
-        return [(int(candidates[n]), float(values[n])) for n in near]
+        candidates = candidates[near]
+        rows, owners = self._rows[candidates].tolist(), self._owners(candidates).tolist()
+        found = [
+            (value, self._buckets[owner].ids[row], self._buckets[owner].count)
+            for value, row, owner in zip(values[near].tolist(), rows, owners, strict=True)
+        ]
+        found.sort()
+        return [Hit(name, value, count) for value, name, count in found[:k]]
+
+    def _owners(self, candidates: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        """The place in ``self._buckets`` of each candidate's bucket."""
+        return np.searchsorted(self._starts, candidates, side="right") - 1

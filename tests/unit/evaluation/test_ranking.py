@@ -30,7 +30,7 @@ def test_a_list_worked_by_hand():
 
 
 def test_the_eleven_points_of_a_published_list():
-    # Baeza-Yates and Ribeiro-Neto, Modern Information Retrieval, 1999, section 3.2: relevant at ranks 3, 8, 15
+    # Baeza-Yates and Ribeiro-Neto, Modern Information Retrieval, 1999, section 3.2: relevant at 3, 8, 15
     # give 33.3 % up to recall 0.3, 25 % up to 0.6 and 20 % up to 1.
     found = ranking.interpolated_precision(ranks(3, 8, 15, of=15), 10)
     np.testing.assert_allclose(found, [1 / 3] * 4 + [1 / 4] * 3 + [1 / 5] * 4)
