@@ -20,7 +20,7 @@ from pathlib import Path
 
 from store import migrate, tasks
 from store.blobs import Blobs, LocalBlobs, open_blobs
-from store.engine import Database, sqlite_path
+from store.engine import Database, sqlite_path, sqlite_url
 from store.errors import CorruptBackup, CorruptBlob, NotFound, TargetNotEmpty, UnsupportedDatabase
 from store.settings import Settings
 from store.sweep import all_referenced
@@ -108,7 +108,7 @@ def restore(source: Path, settings: Settings) -> Manifest:
     partial = path.with_name(f"{path.name}.partial")
     partial.unlink(missing_ok=True)
     shutil.copyfile(source / _DATABASE, partial)
-    url = f"sqlite:///{partial}"
+    url = sqlite_url(partial)
     migrate.upgrade(url)
     database = Database(url)
     try:
@@ -123,7 +123,7 @@ def restore(source: Path, settings: Settings) -> Manifest:
 
 
 def _contents(path: Path) -> tuple[str, set[str]]:
-    copy = Database(f"sqlite:///{path}")
+    copy = Database(sqlite_url(path))
     try:
         with copy.read() as conn:
             return migrate.revision_of(conn) or "base", all_referenced(conn)

@@ -26,7 +26,7 @@ from sqlalchemy.pool import QueuePool, StaticPool
 
 from store.errors import StorageFull, StoreBusy, UnsupportedDatabase
 
-__all__ = ["BUSY_SECONDS", "Database", "migration_connection", "sqlite_path"]
+__all__ = ["BUSY_SECONDS", "Database", "migration_connection", "sqlite_path", "sqlite_url"]
 
 BUSY_SECONDS = 10.0
 """How long a writer waits for the other processes' writers."""
@@ -34,6 +34,11 @@ BUSY_SECONDS = 10.0
 _STRICT_SINCE = (3, 37)
 _READERS = 8
 _MORE_READERS = 32  # FastAPI's thread pool has 40 threads; a reader is held for milliseconds
+
+
+def sqlite_url(path: Path) -> str:
+    """The URL of a SQLite file, whatever characters its path has."""
+    return URL.create("sqlite", database=str(path)).render_as_string()
 
 
 def sqlite_path(url: str) -> Path:

@@ -11,6 +11,8 @@ from typing import Self
 from pydantic import Field, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from store.engine import sqlite_url
+
 __all__ = ["Settings"]
 
 _CHECKOUT = Path(__file__).resolve().parent.parent
@@ -59,7 +61,7 @@ class Settings(BaseSettings):
         home = self.home.expanduser().absolute()
         places = {
             "home": home,
-            "database_url": self.database_url or f"sqlite:///{home / 'reebase.sqlite'}",
+            "database_url": self.database_url or sqlite_url(home / "reebase.sqlite"),
             "blobs": self.blobs or str(home / "blobs"),
         }
         for name, value in places.items():
