@@ -65,14 +65,14 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
         raise ParameterError("The field has values that are NaN or infinite.", parameter="values")
     from reebase.skeleton import reeb_kernels as kernels
 
-    pairs, ends, parts = kernels.adjacent_faces(len(mesh.vertices), mesh.faces)
+    u = _in_bands(values, bands)
+    first, offset = kernels.cut_faces(u, mesh.faces, bands)
+    pairs, ends, parts = kernels.adjacent_faces(u, mesh.faces, first, offset)
     if parts > 1:
         raise MeshError(
             f"The surface is in {parts} separate parts; a Reeb graph is of one: take the largest component.",
             components=parts,
         )
-    u = _in_bands(values, bands)
-    first, offset = kernels.cut_faces(u, mesh.faces, bands)
     component, band, adjacent = kernels.join_pieces(u, bands, first, offset, pairs, ends)
     areas, centroids, rings = kernels.measure_components(
         mesh.vertices, mesh.faces, u, first, offset, component, len(band)

@@ -65,44 +65,6 @@ def _half_edges(m: int, faces: Int32) -> tuple[Int64, Int64]:
 
 
 @njit(cache=True, nogil=True)
-def adjacent_faces(m: int, faces: Int32) -> tuple[Int32, Int32, int]:
-    """Pairs of faces that touch (p, 2), the ends of what they share (p, 2), and the number of separate parts.
-
-    Faces that share an edge are chained in the order of the file. Where parts of the surface hang together at
-    a vertex only, the vertex is an edge without length: both its ends are the vertex.
-    """
-    n = len(faces)
-    half_edges, start = _half_edges(m, faces)
-    pairs, ends = np.empty((6 * n, 2), np.int32), np.empty((6 * n, 2), np.int32)
-    count = 0
-    part = np.arange(n)
-    seen, owner = np.full(m, -1, np.int64), np.full(m, -1, np.int32)
-    for v in range(m):
-        for h in range(start[v], start[v + 1]):
-            f, i = half_edges[h] // 3, half_edges[h] % 3
-            w = max(faces[f, i], faces[f, (i + 1) % 3])
-            if seen[w] == v and owner[w] != f:
-                pairs[count, 0], pairs[count, 1] = owner[w], f
-                ends[count, 0], ends[count, 1] = v, w
-                count += 1
-                _join(part, owner[w], f)
-            seen[w], owner[w] = v, f
-    for f in range(n):
-        part[f] = _find(part, f)
-    hanging = part.copy()
-    owner[:] = -1
-    for f in range(n):
-        for v in faces[f]:
-            if owner[v] >= 0 and part[owner[v]] != part[f]:
-                pairs[count, 0], pairs[count, 1] = owner[v], f
-                ends[count, 0], ends[count, 1] = v, v
-                count += 1
-                _join(hanging, owner[v], f)
-            owner[v] = f
-    return pairs[:count], ends[:count], int(np.sum(hanging == np.arange(n)))
-
-
-@njit(cache=True, nogil=True)
 def cut_faces(u: Float, faces: Int32, bands: int) -> tuple[Int32, Int64]:
     """``first`` (n,) and ``offset`` (n + 1,): the bands that each face meets; two if it lies in a level."""
     n = len(faces)
@@ -114,6 +76,69 @@ def cut_faces(u: Float, faces: Int32, bands: int) -> tuple[Int32, Int64]:
         first[f] = low
         offset[f + 1] = offset[f] + high - low + 1
     return first, offset
+
+
+@njit(cache=True, nogil=True)
+def _chain(
+    f: int, v: int, w: int, below: bool, above: bool, owner: Int32, pairs: Int32, ends: Int32, count: int
+) -> int:
+    """Pair face f with the last ones below and above at the edge (v, w), and put it in their place."""
+    for side in range(2):
+        g = owner[side]
+        if g >= 0 and g != f and (side == 0 or g != owner[0]):
+            pairs[count, 0], pairs[count, 1] = g, f
+            ends[count, 0], ends[count, 1] = v, w
+            count += 1
+    if below:
+        owner[0] = f
+    if above:
+        owner[1] = f
+    return count
+
+
+@njit(cache=True, nogil=True)
+def adjacent_faces(u: Float, faces: Int32, first: Int32, offset: Int64) -> tuple[Int32, Int32, int]:
+    """Pairs of faces that touch (p, 2), the ends of what they share (p, 2), and the number of separate parts.
+
+    The faces round an edge are chained in the order of the file; round an edge within a level those above
+    and those below each have their chain, so that what is joined does not depend on that order. A vertex at
+    which parts of the surface hang together that share no edge counts as an edge without length.
+    """
+    m, n = len(u), len(faces)
+    half_edges, start = _half_edges(m, faces)
+    pairs, ends = np.empty((12 * n, 2), np.int32), np.empty((12 * n, 2), np.int32)
+    count = 0
+    seen, owner = np.full(m, -1, np.int64), np.full((m, 2), -1, np.int32)
+    for v in range(m):
+        for h in range(start[v], start[v + 1]):
+            f, i = half_edges[h] // 3, half_edges[h] % 3
+            w = max(faces[f, i], faces[f, (i + 1) % 3])
+            if seen[w] != v:
+                seen[w] = v
+                owner[w] = -1
+            below = u[v] != u[w] or first[f] < u[v]
+            above = u[v] != u[w] or first[f] + offset[f + 1] - offset[f] > u[v]
+            count = _chain(f, v, w, below, above, owner[w], pairs, ends, count)
+    part = np.arange(n)
+    for p in range(count):
+        _join(part, pairs[p, 0], pairs[p, 1])
+    for f in range(n):
+        part[f] = _find(part, f)
+    some, hanging = np.full(m, -1, np.int64), np.zeros(m, np.bool_)
+    for f in range(n):
+        for v in faces[f]:
+            hanging[v] |= some[v] >= 0 and some[v] != part[f]
+            some[v] = part[f]
+    owner[:] = -1
+    by_edges = count
+    for f in range(n):
+        for v in faces[f]:
+            if hanging[v]:
+                below, above = first[f] < u[v], first[f] + offset[f + 1] - offset[f] > u[v]
+                count = _chain(f, v, v, below, above, owner[v], pairs, ends, count)
+    for p in range(by_edges, count):
+        _join(part, pairs[p, 0], pairs[p, 1])
+    return pairs[:count], ends[:count], int(np.sum(part == np.arange(n)))
 
 
 @njit(cache=True, nogil=True)
@@ -166,53 +191,74 @@ def join_pieces(
 
 
 @njit(cache=True, nogil=True)
+def _between(start: float, end: float, bottom: float, top: float) -> tuple[float, float]:
+    """Share and centroid of what lies between two levels, 0 at the corner to 1 at the far side.
+
+    The level lines widen from a corner at ``start`` to a side at ``end``.
+    """
+    height = abs(end - start)
+    near, far = (bottom - start, top - start) if start < end else (start - top, start - bottom)
+    p, q = max(near, 0.0) / height, min(far / height, 1.0)
+    return (q - p) * (q + p), (p * p + p * q + q * q) / (1.5 * (p + q))
+
+
+@njit(cache=True, nogil=True)
+def _add(
+    weight: float, a: Float, b: Float, c: Float, shares: tuple[float, float, float], moments: Float
+) -> float:
+    """Add a piece with the given barycentric centroid to its component's moments; returns its weight."""
+    weight = max(weight, NOTHING)
+    for axis in range(3):
+        moments[axis] += weight * (shares[0] * a[axis] + shares[1] * b[axis] + shares[2] * c[axis])
+    return weight
+
+
+@njit(cache=True, nogil=True)
 def measure_components(
     vertices: Float, faces: Int32, u: Float, first: Int32, offset: Int64, component: Int64, count: int
 ) -> tuple[Float, Float, Float]:
     """Area (c,) and area centroid (c, 3) of each component, and area of the ring of each vertex (m,).
 
-    With corners in the order u0 <= u1 <= u2, the level lines of a face have their middles on a straight line
-    and lengths that grow in proportion to u - u0 up to u1 and shrink to u2: area and centroid of what lies
-    between two levels follow in closed form, without a difference of large areas.
+    With corners in the order u0 <= u1 <= u2, the level lines of a face have their middles on two straight
+    lines, and lengths that grow in proportion to u - u0 up to u1, then shrink in proportion to u2 - u: area
+    and centroid between two levels follow in closed form, without a difference of large areas.
     """
     areas, moments = np.zeros(count), np.zeros((count, 3))
     rings = np.zeros(len(vertices))
+    third = 1.0 / 3.0
     for f in range(len(faces)):
-        i, j, k = faces[f]
-        i, j = (i, j) if u[i] <= u[j] else (j, i)
-        j, k = (j, k) if u[j] <= u[k] else (k, j)
-        i, j = (i, j) if u[i] <= u[j] else (j, i)
-        a, c = vertices[i], vertices[k]
-        ab, ac, bc = vertices[j] - a, c - a, c - vertices[j]
-        area = 0.5 * np.linalg.norm(np.cross(ab, ac))
-        for v in faces[f]:
-            rings[v] += area
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        if u[i] > u[j]:
+            i, j = j, i
+        if u[j] > u[k]:
+            j, k = k, j
+        if u[i] > u[j]:
+            i, j = j, i
+        a, b, c = vertices[i], vertices[j], vertices[k]
+        x = (b[1] - a[1]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[1] - a[1])
+        y = (b[2] - a[2]) * (c[0] - a[0]) - (b[0] - a[0]) * (c[2] - a[2])
+        z = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        area = 0.5 * np.sqrt(x * x + y * y + z * z)
+        rings[i] += area
+        rings[j] += area
+        rings[k] += area
         low, middle, high = u[i], u[j], u[k]
         pieces = offset[f + 1] - offset[f]
-        if pieces == 1 or low == high:  # whole, or halved between the two sides of a level
-            weight = max(area / pieces, NOTHING)
-            for x in range(offset[f], offset[f + 1]):
-                areas[component[x]] += weight
-                moments[component[x]] += weight * (a + (ab + ac) / 3.0)
-            continue
-        for x in range(offset[f], offset[f + 1]):
-            node, bottom = component[x], float(first[f] + x - offset[f])
+        for n in range(offset[f], offset[f + 1]):
+            node, bottom = component[n], float(first[f] + n - offset[f])
+            if pieces == 1 or low == high:  # whole, or halved between the two sides of a level
+                areas[node] += _add(area / pieces, a, b, c, (third, third, third), moments[node])
+                continue
             if low < middle and bottom < middle:  # the part that widens from a
-                height = middle - low
-                part = height / (high - low)
-                p, q = max(bottom - low, 0.0) / height, min((bottom + 1.0 - low) / height, 1.0)
-                weight = max(area * part * (q - p) * (q + p), NOTHING)
-                along = (p * p + p * q + q * q) / (3.0 * (p + q))
-                areas[node] += weight
-                moments[node] += weight * (a + along * (ab + part * ac))
+                part = (middle - low) / (high - low)
+                share, along = _between(low, middle, bottom, bottom + 1.0)
+                weights = 1.0 - 0.5 * along * (1.0 + part), 0.5 * along, 0.5 * along * part
+                areas[node] += _add(area * part * share, a, b, c, weights, moments[node])
             if middle < high and middle < bottom + 1.0:  # the part that narrows to c
-                height = high - middle
-                part = height / (high - low)
-                p, q = max(high - bottom - 1.0, 0.0) / height, min((high - bottom) / height, 1.0)
-                weight = max(area * part * (q - p) * (q + p), NOTHING)
-                along = (p * p + p * q + q * q) / (3.0 * (p + q))
-                areas[node] += weight
-                moments[node] += weight * (c - along * (bc + part * ac))
+                part = (high - middle) / (high - low)
+                share, along = _between(high, middle, bottom, bottom + 1.0)
+                weights = 0.5 * along * part, 0.5 * along, 1.0 - 0.5 * along * (1.0 + part)
+                areas[node] += _add(area * part * share, a, b, c, weights, moments[node])
     return areas, moments / areas.reshape(-1, 1), rings
 
 
