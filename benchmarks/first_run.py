@@ -59,8 +59,8 @@ def capsule() -> bytes:
             a, b = 1 + i * around, 1 + (i + 1) * around
             faces += [(a + j, a + k, b + k), (a + j, b + k, b + j)]
     lines = [f"OFF\n{len(vertices)} {len(faces)} 0"]
-    lines += ["%.9g %.9g %.9g" % vertex for vertex in vertices]
-    lines += ["3 %d %d %d" % face for face in faces]
+    lines += [f"{x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices]
+    lines += [f"3 {a} {b} {c}" for a, b, c in faces]
     return "\n".join(lines).encode()
 
 

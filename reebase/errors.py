@@ -29,7 +29,7 @@ messages may. ``details`` holds what a program may want: numbers and names, JSON
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import Any
 
 __all__ = [
     "ComputationError", "DegenerateMesh", "EmptyFile", "ExpandsTooMuch", "ExternalReference",
@@ -43,7 +43,7 @@ __all__ = [
 class ReebaseError(Exception):
     """Something that Reebase refuses or could not do."""
 
-    code: ClassVar[str] = "error"
+    code: str = "error"
 
     def __init__(self, message: str | None = None, **details: Any) -> None:
         self.message = message or (type(self).__doc__ or "").strip()

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
 import json
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, BinaryIO
@@ -18,11 +18,19 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from reebase.denoise import METHODS, denoise
+from reebase.errors import FormatError, ParameterError, unknown_name
+from reebase.matching.features import AREAS, endpoint_features
+from reebase.mesh.clean import clean
 from reebase.mesh.health import Health
 from reebase.mesh.mesh import Mesh
-from reebase.skeleton.graph import Skeleton
+from reebase.mesh.read import Limits, read
+from reebase.mesh.topology import largest_component
+from reebase.skeleton import MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
+from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, operator
+from reebase.spectrum import field as scalar_field
 
-__all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe"]
+__all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton"]
 
 PIPELINE_VERSION = 1
 """Raised whenever the same mesh and profile would give other numbers; nothing is compared across versions."""
@@ -40,17 +48,36 @@ class Profile:
 
     denoise: name of a filter, or "none". iterations: of that filter, at least 1.
     field: name of the scalar field. bands: number of bands of the Reeb graph, 2 to 1024.
-    saliency: "area" or "length"; threshold: branches with less than this share are pruned, in [0, 1).
+    saliency: "area" or "length"; threshold: branches with less than this share are pruned, 0 to 0.99.
     area: "band" or "ring", the reading of the relative node area (METHOD §5).
     """
 
     denoise: str = "finite_volume"
     iterations: int = 1
     field: str = "fiedler"
-    bands: int = 64
+    bands: int = 128
     saliency: str = "area"
     threshold: float = 0.01
     area: str = "band"
+
+    def __post_init__(self) -> None:
+        """Refuse what no stage could use. Raises UnknownName or ParameterError."""
+        known: dict[str, tuple[str, Collection[str]]] = {
+            "denoising filter": (self.denoise, ("none", *METHODS)),
+            "saliency": (self.saliency, SALIENCIES),
+            "area": (self.area, AREAS),
+        }
+        for kind, (name, names) in known.items():
+            if name not in names:
+                raise unknown_name(kind, name, names)
+        eigenpairs_needed(self.field)
+        for parameter, low, high in (("iterations", 1, 1000), ("bands", 2, MAX_BANDS), ("threshold", 0.0, 0.99)):
+            value = getattr(self, parameter)
+            if not low <= value <= high:
+                raise ParameterError(
+                    f"{parameter} must be between {low} and {high}; found {value}.",
+                    parameter=parameter, found=value, minimum=low, maximum=high,
+                )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
         return dataclasses.asdict(self)
@@ -82,3 +109,149 @@ class Description:
     features: npt.NDArray[np.float64]
     seconds: dict[str, float]
     profile: Profile
+
+    def save(self, file: BinaryIO) -> None:
+        """Write the description as one ``.npz`` archive of plain arrays and JSON; nothing is pickled."""
+        record = {
+            "version": PIPELINE_VERSION,
+            "health": self.health.to_json(),
+            "seconds": self.seconds,
+            "profile": self.profile.to_json(),
+            "root": self.skeleton.root,
+        }
+        skeleton = {f"skeleton_{name}": getattr(self.skeleton, name) for name in _SKELETON_ARRAYS}
+        np.savez(
+            file,
+            record=np.frombuffer(json.dumps(record).encode(), dtype=np.uint8),
+            cleaned=self.cleaned.vertices,
+            denoised=self.denoised.vertices,
+            faces=self.cleaned.faces,
+            eigenvalues=self.eigenvalues,
+            field=self.field,
+            features=self.features,
+            **skeleton,
+        )
+
+    @classmethod
+    def load(cls, file: BinaryIO) -> Description:
+        """Read what ``save`` wrote. Raises FormatError for an archive of another pipeline version."""
+        with np.load(file, allow_pickle=False) as archive:
+            record = json.loads(archive["record"].tobytes())
+            if record["version"] != PIPELINE_VERSION:
+                raise FormatError(
+                    f"The description was written by pipeline version {record['version']}; "
+                    f"this is version {PIPELINE_VERSION}. Describe the mesh again."
+                )
+            faces = archive["faces"]
+            arrays = {name: archive[f"skeleton_{name}"] for name in _SKELETON_ARRAYS}
+            return cls(
+                cleaned=Mesh(archive["cleaned"], faces),
+                denoised=Mesh(archive["denoised"], faces),
+                health=Health.from_json(record["health"]),
+                eigenvalues=archive["eigenvalues"],
+                field=archive["field"],
+                skeleton=Skeleton(root=record["root"], **arrays),
+                features=archive["features"],
+                seconds=record["seconds"],
+                profile=Profile(**record["profile"]),
+            )
+
+
+_SKELETON_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
+
+
+class _Clock:
+    """Names the stages to the listener as they begin, and keeps the wall time of each."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress = progress
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        if self.progress is not None:
+            self.progress(name, STAGES.index(name) / len(STAGES))
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+
+
+def describe(
+    source: Mesh | bytes | str | os.PathLike[str],
+    profile: Profile | None = None,
+    *,
+    format: str | None = None,
+    limits: Limits | None = None,
+    progress: Progress | None = None,
+) -> Description:
+    """Walk one mesh through all stages.
+
+    source: a mesh, or what ``reebase.read`` takes (a path or a file's bytes, with ``format`` and ``limits``).
+    profile: the parameters, by default the pipeline's own.
+    progress: called with (stage, fraction) as each stage begins.
+    Raises FormatError, MeshError, LimitError, ParameterError or ComputationError. A shape for which the
+    method is not defined (several components, a boundary, near-equal eigenvalues, no endpoint) is described
+    all the same, with a flag in its health report.
+    """
+    profile = profile or Profile()
+    clock = _Clock(progress)
+    with clock.stage("read"):
+        mesh = source if isinstance(source, Mesh) else read(source, format, limits=limits or Limits())
+    with clock.stage("clean"):
+        cleaned, health = clean(mesh)
+    with clock.stage("denoise"):
+        denoised = cleaned
+        if profile.denoise != "none":
+            denoised = denoise(cleaned, profile.denoise, profile.iterations)
+        # A filter can flatten a sliver that cleaning let pass: the skeleton is that of the largest part.
+        body, kept = largest_component(denoised)
+    with clock.stage("operator"):
+        body_operator = operator(body)
+    with clock.stage("eigenpairs"):
+        spectrum = eigenpairs(body_operator, max(3, eigenpairs_needed(profile.field)))
+        values = scalar_field(profile.field, body, spectrum)
+    with clock.stage("skeleton"):
+        graph = reeb_graph(body, values, profile.bands)
+        skeleton = prune(graph, profile.threshold, profile.saliency)
+    with clock.stage("features"):
+        features = endpoint_features(skeleton, profile.area)
+    field = np.full(len(denoised.vertices), np.nan)
+    field[kept] = values
+    return Description(
+        cleaned=cleaned,
+        denoised=denoised,
+        health=health.flagged(*_late_flags(body_operator, spectrum, skeleton, features)),
+        eigenvalues=spectrum.eigenvalues[:3],
+        field=field,
+        skeleton=skeleton,
+        features=features,
+        seconds=clock.seconds,
+        profile=profile,
+    )
+
+
+def _late_flags(
+    used: Operator, spectrum: Spectrum, skeleton: Skeleton, features: npt.NDArray[np.float64]
+) -> list[str]:
+    """What the stages after cleaning noticed."""
+    noticed = {
+        "near_degenerate_eigenvalues": spectrum.near_degenerate,
+        "single_node": len(skeleton.positions) == 1,
+        "no_endpoints": len(skeleton.endpoints) == 0,
+        "no_path_lengths": len(skeleton.endpoints) > 0 and len(features) == 0,
+        "badly_shaped_triangles": used.kind == "tufted",
+    }
+    return [flag for flag, is_so in noticed.items() if is_so]
+
+
+def skeleton(
+    mesh: Mesh, *, field: str = "fiedler", bands: int = 128, threshold: float = 0.01, saliency: str = "area"
+) -> Skeleton:
+    """The pruned spectral Reeb graph of a mesh as it is (METHOD §3, §4): neither cleaned nor denoised.
+
+    Of several parts, the largest by area is taken. Raises MeshError for a mesh without area, ParameterError for
+    an unknown field or saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found.
+    """
+    body, _ = largest_component(mesh)
+    spectrum = eigenpairs(operator(body), max(3, eigenpairs_needed(field)))
+    return prune(reeb_graph(body, scalar_field(field, body, spectrum), bands), threshold, saliency)

@@ -22,7 +22,7 @@ _STACKED_AXES = numba.types.Array(numba.float64, 3, "C", readonly=True)
 _INDICES = numba.types.Array(numba.int64, 1, "C", readonly=True)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _compare(first: Any, i: int, second: Any, j: int) -> int:
     """-1, 0, 1 as row i of ``first`` comes before, equals or comes after row j of ``second``."""
     if first[i, 0] != second[j, 0]:
@@ -33,7 +33,7 @@ def _compare(first: Any, i: int, second: Any, j: int) -> int:
     return 0
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _distance(first: Any, i: int, second: Any, j: int) -> float:
     """Phi, (4.16)."""
     x = first[i, 0] - second[j, 0]
@@ -42,7 +42,7 @@ def _distance(first: Any, i: int, second: Any, j: int) -> float:
     return float(np.sqrt(x * x + y * y + z * z))
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _norm(points: Any, i: int) -> float:
     return float(np.sqrt(points[i, 0] ** 2 + points[i, 1] ** 2 + points[i, 2] ** 2))
 

@@ -18,7 +18,8 @@ FLAGS: dict[str, str] = {
     "no_endpoints": "The Reeb graph has no endpoint, so the shape matches only others without endpoints.",
     "single_node": "The Reeb graph is a single node: the scalar field is constant.",
     "no_path_lengths": "All distances from the root node are zero, so no features could be formed.",
-    "badly_shaped_triangles": "Some triangles are nearly degenerate; the operator was built on the intrinsic Delaunay triangulation.",
+    "badly_shaped_triangles": "Some triangles are nearly degenerate; "
+    "the operator was built on their intrinsic Delaunay triangulation.",
 }
 """Every flag a health report can carry, in plain words for people."""
 

@@ -37,6 +37,16 @@ DENSE = 64
 RESIDUAL = 1e-8
 """Accepted |C phi - lambda R phi| relative to lambda |R phi|, beyond what rounding in C phi explains."""
 
+CONVERGED = 1e-10
+"""Residual of an eigenpair of the shifted and inverted operator, relative to mu, at which Lanczos ends. The solve
+that follows it takes the eigenvector further by a factor of about mu over the next one."""
+
+GUARD = 2
+"""Vectors in a block beyond those wanted, so that eigenvalues close to the last wanted one do not hold it up."""
+
+STEPS = 100
+"""Blocks after which Lanczos gives up; it needs about ten."""
+
 Array = npt.NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
@@ -145,26 +155,40 @@ def _dense_search(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
 
 
 def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
-    """Largest eigenpairs of R^(1/2) B^(-1) R^(1/2) orthogonal to ``root``, the constant's eigenvector."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+    """Largest eigenpairs of R^(1/2) B^(-1) R^(1/2) orthogonal to ``root``, the constant's eigenvector.
+
+    Block Lanczos (Golub and Underwood 1977) with full orthogonalisation and no restart: a block finds as many
+    copies of a multiple eigenvalue as it is wide, where a single vector would find one.
+    """
+    from scipy.linalg import eigh, qr
 
     m = len(root)
-
-    def apply(y: Array) -> Array:
-        y = y.ravel()
-        y = root * solve(root * (y - root * (root @ y)))
-        return np.asarray(y - root * (root @ y))
-
-    start = np.random.default_rng(0).standard_normal(m)
-    start -= root * (root @ start)
-    try:
-        mu, y = eigsh(
-            LinearOperator((m, m), matvec=apply, dtype=np.float64),
-            k=count, which="LA", v0=start, ncv=min(m - 1, max(2 * count + 8, 16)), maxiter=200, tol=1e-12,
-        )  # fmt: skip
-    except ArpackError as error:  # ArpackNoConvergence among them
-        raise ComputationError(f"The eigenpairs did not converge: {error}") from error
-    return np.asarray(mu), np.asarray(y)
+    width = count + GUARD
+    limit = min(m - 1, STEPS * width)
+    basis, H = np.empty((m, limit), order="F"), np.zeros((limit, limit))
+    block = np.random.default_rng(0).standard_normal((m, width))
+    block = qr(block - np.outer(root, root @ block), mode="economic")[0]
+    size, residual = 0, np.inf
+    while size + width <= limit:
+        new = slice(size, size + width)
+        basis[:, new] = block
+        image = root[:, None] * solve(root[:, None] * block)
+        image -= np.outer(root, root @ image)
+        size += width
+        V = basis[:, :size]
+        H[:size, new] = V.T @ image
+        H[new, :size] = H[:size, new].T
+        block, R = qr(image - V @ H[:size, new], mode="economic")
+        block, again = qr(block - V @ (V.T @ block), mode="economic")
+        mu, s = eigh(H[:size, :size])
+        mu, s = mu[-count:], s[:, -count:]
+        residual = float((np.linalg.norm(again @ R @ s[-width:], axis=0) / mu).max())
+        if residual <= CONVERGED:
+            return mu, V @ s
+    raise ComputationError(
+        f"The eigenpairs did not converge in {size // width} steps; the relative residual is {residual:.1e}.",
+        residual=residual,
+    )
 
 
 def _check(C: csr_matrix, mass: Array, eigenvalues: Array, phi: Array) -> None:

@@ -2,8 +2,8 @@
 
 A limb is a chain of rounded cones (the hull of two balls), a body an ellipsoid. The parts of a figure are
 joined in order by the quadratic smooth minimum, so that limbs grow out of the body without a crease. The
-field is negative inside, and close to the Euclidean distance near the surface. Formulas after I. Quilez, "Distance
-functions" and "Smooth minimum" (iquilezles.org).
+field is negative inside, and close to the Euclidean distance near the surface. Formulas after I. Quilez,
+"Distance functions" and "Smooth minimum" (iquilezles.org).
 """
 
 from __future__ import annotations

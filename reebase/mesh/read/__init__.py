@@ -64,7 +64,9 @@ def read(
         raise EmptyFile()
     chosen = canonical(format) if format else sniff(data, name)
     try:
-        return _READERS[chosen](data, limits)
+        # Numbers beyond float32 or float64 become infinite and are refused as such.
+        with np.errstate(all="ignore"):
+            return _READERS[chosen](data, limits)
     except MemoryError:
         raise LimitError(f"Reading these {len(data):,} bytes takes more memory than there is.") from None
 
@@ -79,4 +81,5 @@ def read_scalars(data: bytes, *, limits: Limits = DEFAULT) -> tuple[Mesh, dict[s
         raise EmptyFile()
     if sniff(data) != "ply":
         raise FormatError("Scalars are read from PLY files only.")
-    return read_ply_scalars(data, limits)
+    with np.errstate(all="ignore"):
+        return read_ply_scalars(data, limits)

@@ -55,9 +55,8 @@ def read_gltf(data: bytes, limits: Limits) -> Mesh:
         points, triangles = read[at]
         limits.check_vertices(vertex_count + len(points))
         limits.check_faces(face_count + len(triangles))
-        with np.errstate(all="ignore"):
-            vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
-            turned = np.linalg.det(matrix[:3, :3]) < 0
+        vertices.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+        turned = np.linalg.det(matrix[:3, :3]) < 0
         faces.append(triangles[:, ::-1] + vertex_count if turned else triangles + vertex_count)
         vertex_count += len(points)
         face_count += len(triangles)
@@ -134,8 +133,7 @@ def _placed(document: dict[str, Any], nodes: list[dict[str, Any]]) -> list[tuple
         if node in seen:
             raise FormatError(f"glTF: node {node} has several parents or is its own; nodes must form a tree.")
         seen.add(node)
-        with np.errstate(all="ignore"):
-            matrix = above @ _matrix(nodes[node], node)
+        matrix = above @ _matrix(nodes[node], node)
         placed.append((node, matrix))
         waiting += [(child, matrix) for child in reversed(children[node])]
     return placed

@@ -141,8 +141,7 @@ def _cartesian(rows: Floats, header: re.Match[bytes] | None) -> Floats:
         return rows[:, :3]
     if rows.shape[1] < 4:
         raise FormatError("4OFF: a vertex has fewer than four coordinates.")
-    with np.errstate(all="ignore"):
-        return rows[:, :3] / rows[:, 3:4]
+    return rows[:, :3] / rows[:, 3:4]
 
 
 def _binary(data: bytes, at: int, header: re.Match[bytes], limits: Limits) -> Mesh:

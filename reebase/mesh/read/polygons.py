@@ -23,8 +23,10 @@ Floats = npt.NDArray[np.float64]
 
 STRAIGHT = 1e-6
 """Sine of the angle below which a corner counts as straight: float32 coordinates are not finer."""
-MOST_CORNERS = 20_000
-"""Clipping ears is quadratic; a concave polygon of this size takes some seconds."""
+MOST_CORNERS = 10_000
+"""Clipping ears is quadratic; a concave polygon of this size takes some seconds at worst."""
+TOUCHING = 1e-7
+"""Distance over the polygon's extent below which a corner touches a cut: it would end up on a side."""
 FEW_CORNERS = 48
 """Below this many corners to test, a Python loop beats a call into numpy."""
 
@@ -130,8 +132,14 @@ def _same_size(vertices: Floats, polygons: Ints) -> Ints:
     scale = np.linalg.norm(into, axis=2) * np.linalg.norm(out, axis=2)
     # A star polygon turns left at every corner, but more than once around.
     once = np.arctan2(turn, along).sum(axis=1) < 3 * np.pi
-    convex = (turn > STRAIGHT * scale).all(axis=1) & once
-    hard = np.flatnonzero(~convex)
+    sharp = turn > STRAIGHT * scale
+    hard = ~(sharp.all(axis=1) & once)
+    if size == 4:
+        # A quad with one corner that is not convex is a fan around it.
+        darts = np.flatnonzero(hard & ((~sharp).sum(axis=1) == 1))
+        local[flat[darts]] = (fan + (~sharp[darts]).argmax(axis=1)[:, None, None]) % 4
+        hard[darts] = False
+    hard = np.flatnonzero(hard)
     if not len(hard):
         return local
     if size > MOST_CORNERS:
@@ -163,6 +171,7 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
     """
     size = len(polygon)
     points: list[Point] = [(x, y) for x, y in polygon.tolist()]
+    near = TOUCHING * float(np.ptp(polygon, axis=0).max())
     before = [(i - 1) % size for i in range(size)]
     after = [(i + 1) % size for i in range(size)]
 
@@ -173,15 +182,17 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
         return turn > 0 and turn * turn > STRAIGHT**2 * (ux * ux + uy * uy) * (vx * vx + vy * vy)
 
     blunt = {i for i in range(size) if not sharp(i)}
+    # The same set for numpy: corners that are in no one's way are NaN, which lies inside nothing.
+    obstacles = np.full_like(polygon, np.nan)
+    obstacles[list(blunt)] = polygon[list(blunt)]
 
     def ear(i: int) -> bool:
         if i in blunt:
             return False
         a, b, c = points[before[i]], points[i], points[after[i]]
-        others = blunt - {before[i], after[i]}
-        if len(others) > FEW_CORNERS:
-            return not _any_inside(polygon[list(others)], a, b, c)
-        return not any(_inside(points[j], a, b, c) for j in others)
+        if len(blunt) > FEW_CORNERS:
+            return not _any_inside(obstacles, a, b, c, near)
+        return not any(_inside(points[j], a, b, c, near) for j in blunt)
 
     ears = {i for i in range(size) if ear(i)}
     triangles: list[tuple[int, int, int]] = []
@@ -196,10 +207,15 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
         triangles.append((behind, here, ahead))
         after[behind], before[ahead] = ahead, behind
         left, waited = left - 1, 0
-        blunt.discard(here)
         ears.discard(here)
+        for i in (here, behind, ahead):
+            if i == here or sharp(i):
+                blunt.discard(i)
+                obstacles[i] = np.nan
+            else:
+                blunt.add(i)
+                obstacles[i] = polygon[i]
         for i in (behind, ahead):
-            (blunt.discard if sharp(i) else blunt.add)(i)
             (ears.add if ear(i) else ears.discard)(i)
         # Passing over the neighbour keeps the triangles from all meeting in one corner.
         here = after[ahead]
@@ -207,22 +223,23 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
     return triangles
 
 
-def _inside(p: Point, a: Point, b: Point, c: Point) -> bool:
-    """Whether p lies in the closed triangle and is none of its corners (bridges to holes repeat them)."""
+def _inside(p: Point, a: Point, b: Point, c: Point, near: float) -> bool:
+    """Whether p lies in the triangle or so near to it, and is none of its corners (bridges repeat them)."""
     if p in (a, b, c):
         return False
-    return (
-        (b[0] - a[0]) * (p[1] - a[1]) >= (b[1] - a[1]) * (p[0] - a[0])
-        and (c[0] - b[0]) * (p[1] - b[1]) >= (c[1] - b[1]) * (p[0] - b[0])
-        and (a[0] - c[0]) * (p[1] - c[1]) >= (a[1] - c[1]) * (p[0] - c[0])
-    )
+    for s, t in ((a, b), (b, c), (c, a)):
+        x, y = t[0] - s[0], t[1] - s[1]
+        if x * (p[1] - s[1]) - y * (p[0] - s[0]) < -near * (abs(x) + abs(y)):
+            return False
+    return True
 
 
-def _any_inside(points: Floats, a: Point, b: Point, c: Point) -> bool:
+def _any_inside(points: Floats, a: Point, b: Point, c: Point, near: float) -> bool:
     x, y = points[:, 0], points[:, 1]
     inside = np.ones(len(points), dtype=bool)
     for p, q in ((a, b), (b, c), (c, a)):
-        inside &= (q[0] - p[0]) * (y - p[1]) >= (q[1] - p[1]) * (x - p[0])
+        u, v = q[0] - p[0], q[1] - p[1]
+        inside &= u * (y - p[1]) - v * (x - p[0]) >= -near * (abs(u) + abs(v))
     for p in (a, b, c):
         inside &= (x != p[0]) | (y != p[1])
     return bool(inside.any())

@@ -229,7 +229,10 @@ def _walk(cells: Cells, start: int, element: Element) -> tuple[Table, int]:
 
 
 def _checked_length(cells: Cells, at: int, p: Property) -> int:
+    """The length of a list; IndexError when it cannot fit in what is left."""
     length = cells.length(at, p.length_type or "u1")
     if length < 0:
         raise FormatError(f"A list of property {p.name!r} has the length {length}.")
+    if length > cells.end - at:
+        raise IndexError
     return length

@@ -46,8 +46,8 @@ def plain_text(data: bytes) -> bytes:
 
 
 def without_comments(data: bytes) -> bytes:
-    """The text with everything from ``#`` to the end of its line removed."""
-    return re.sub(rb"#[^\r\n]*", b"", data) if b"#" in data else data
+    """The text with everything from ``#`` to the end of its line removed, but not from 1.#QNAN."""
+    return re.sub(rb"(?<!\d\.)#[^\r\n]*", b"", data) if b"#" in data else data
 
 
 def quoted(token: bytes, longest: int = 40) -> str:

@@ -195,10 +195,9 @@ def _assemble(model: _Model, limits: Limits) -> Mesh:
         placed += 1
         _check_parts(placed)
         one = model.objects[key]
-        with np.errstate(all="ignore"):
-            vertices.append(one.vertices @ transform[:3] + transform[3])
-            turned = np.linalg.det(transform[:3]) < 0
-            below = [(k, _after(t, transform)) for k, t in one.components]
+        vertices.append(one.vertices @ transform[:3] + transform[3])
+        turned = np.linalg.det(transform[:3]) < 0
+        below = [(k, _after(t, transform)) for k, t in one.components]
         if len(one.faces) and ((one.faces < 0) | (one.faces >= len(one.vertices))).any():
             worst = int(np.flatnonzero((one.faces < 0) | (one.faces >= len(one.vertices)))[0])
             raise FaceIndexOutOfRange(

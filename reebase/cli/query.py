@@ -1,0 +1,47 @@
+"""`reebase query`: which shapes of a collection are like this mesh?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from reebase.cli import options
+from reebase.client import Answer, Client
+
+
+def query(
+    mesh: Annotated[Path, typer.Argument(help="A mesh file; it is not kept.", exists=True, dir_okay=False)],
+    collection: Annotated[str, typer.Option(help="The collection to search.")],
+    k: Annotated[int, typer.Option(help="How many shapes to return.", min=1)] = 10,
+    tolerance: Annotated[int, typer.Option(help="Endpoint counts that may differ; -1 for any.", min=-1)] = 2,
+    measure: options.Measure = "matching",
+    label: Annotated[str | None, typer.Option(help="Only shapes with this label.")] = None,
+    url: options.Url = "http://127.0.0.1:8000",
+    api_key: options.Key = None,
+) -> None:
+    """Rank a collection of the service by its similarity to a mesh."""
+    with Client(url, api_key=api_key) as client:
+        answer = client.query(
+            collection, source=mesh, k=k, tolerance=None if tolerance < 0 else tolerance, measure=measure, label=label
+        )
+    print_answer(answer, Console())
+
+
+def print_answer(answer: Answer, console: Console) -> None:
+    """The hits as a table: D, and what it is made of."""
+    endpoints = answer.query["endpoint_count"]
+    console.print(f"{endpoints} endpoints; {answer.considered} shapes considered")
+    table = Table("rank", "shape", "label", "D(G, G~)", "endpoints", "matched pairs (query-hit: distance)", "unmatched")
+    for hit in answer.hits:
+        pairs = "  ".join(f"{pair.query}-{pair.hit}: {pair.distance:.3f}" for pair in hit.pairs)
+        alone = [f"query {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_query]
+        alone += [f"hit {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_hit]
+        table.add_row(
+            str(hit.rank), hit.shape.name, hit.shape.label or "", f"{hit.dissimilarity:.4f}",
+            str(hit.endpoint_count), pairs, "  ".join(alone),
+        )  # fmt: skip
+    console.print(table)

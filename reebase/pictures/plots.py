@@ -1,0 +1,116 @@
+"""Plots of an evaluation: precision over recall, and the matrix of dissimilarities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.errors import ParameterError
+from reebase.pictures.canvas import PALETTE, blank, encoded
+
+__all__ = ["matrix_plot", "precision_recall_plot"]
+
+_INK = "#1b2733"
+_SOFT = "#5b6770"
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
+
+Curve = tuple[Sequence[float] | npt.NDArray[np.float64], Sequence[float] | npt.NDArray[np.float64]]
+
+
+def precision_recall_plot(
+    curves: Mapping[str, Curve], *, title: str | None = None, format: str = "svg", width: int = 640,
+    height: int = 480,
+) -> bytes:  # fmt: skip
+    """Precision over recall, one line for each named (recall, precision), as SVG or PNG.
+
+    Lines differ in colour and in dashes. Raises ParameterError, UnknownName, MissingPackage.
+    """
+    if not curves:
+        raise ParameterError("The plot needs at least one curve; found none.", parameter="curves")
+    for name, (recall, precision) in curves.items():
+        if len(recall) != len(precision) or not len(recall):
+            raise ParameterError(
+                f"Curve {name!r} has {len(recall)} recalls and {len(precision)} precisions; "
+                "there must be as many of both, and at least one.",
+                parameter="curves",
+            )  # fmt: skip
+    figure = blank(width, height)
+    top = 0.9 if title else 0.96
+    axes = figure.add_axes((64 / width, 56 / height, 1 - 88 / width, top - 56 / height))
+    for number, (name, (recall, precision)) in enumerate(curves.items()):
+        axes.plot(
+            np.asarray(recall), np.asarray(precision), color=PALETTE[number % len(PALETTE)],
+            linestyle=_DASHES[number % len(_DASHES)], linewidth=2, marker="o" if len(recall) <= 21 else None,
+            markersize=3.5, label=name, clip_on=False,
+        )  # fmt: skip
+    axes.set_xlim(0, 1)
+    axes.set_ylim(0, 1.005)
+    axes.set_xlabel("recall", color=_INK)
+    axes.set_ylabel("precision", color=_INK)
+    _plain(axes)
+    axes.grid(color="#e4e8eb", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.legend(facecolor="white", edgecolor="none", framealpha=0.85, fontsize=9, loc="lower left")
+    if title:
+        axes.set_title(
+            title, loc="left", fontsize=12, color=_INK, fontweight="bold", pad=12, parse_math=False
+        )  # fmt: skip
+    return encoded(figure, format)
+
+
+def matrix_plot(
+    values: npt.NDArray[np.float64], labels: Sequence[str], *, title: str | None = None,
+    format: str = "png", size: int = 720,
+) -> bytes:  # fmt: skip
+    """The matrix of dissimilarities (n, n), dark where shapes are alike, a line between classes.
+
+    labels: class of each row, (n,); sort rows by class first. Raises ParameterError, UnknownName,
+    MissingPackage.
+    """
+    matrix = np.asarray(values, dtype=np.float64)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise ParameterError(
+            f"values must be a square matrix; found shape {matrix.shape}.", parameter="values"
+        )  # fmt: skip
+    if len(labels) != len(matrix):
+        raise ParameterError(
+            f"{len(matrix)} rows need as many labels; found {len(labels)}.", parameter="labels"
+        )  # fmt: skip
+    figure = blank(size, size)
+    left, bottom, side = 0.155, 0.14, 0.73
+    axes = figure.add_axes((left, bottom, side, side))
+    finite = matrix[np.isfinite(matrix)]
+    high = float(np.quantile(finite, 0.98)) if finite.size else 1.0
+    image = axes.imshow(
+        np.ma.masked_invalid(matrix), cmap="viridis", vmin=0, vmax=high or 1.0, interpolation="nearest"
+    )  # fmt: skip
+    starts = [row for row in range(len(labels)) if row == 0 or labels[row] != labels[row - 1]]
+    stops = [*starts[1:], len(labels)]
+    for start in starts[1:]:
+        axes.axhline(start - 0.5, color="white", linewidth=0.8)
+        axes.axvline(start - 0.5, color="white", linewidth=0.8)
+    middles = [(start + stop - 1) / 2 for start, stop in zip(starts, stops, strict=True)]
+    names = [labels[start] for start in starts]
+    axes.set_xticks(middles, names, rotation=45, ha="right", rotation_mode="anchor", parse_math=False)
+    axes.set_yticks(middles, names, parse_math=False)
+    _plain(axes)
+    axes.tick_params(length=0, labelsize=8.5)
+    beside = figure.add_axes((left + side + 0.025, bottom, 0.018, side))
+    bar = figure.colorbar(image, cax=beside, extend="max")
+    bar.outline.set_visible(False)
+    bar.ax.tick_params(labelsize=8, colors=_SOFT, length=0)
+    bar.ax.set_title("D", fontsize=10, color=_INK, pad=14)
+    if title:
+        figure.text(
+            left, bottom + side + 0.03, title, fontsize=12, color=_INK, fontweight="bold", parse_math=False
+        )  # fmt: skip
+    return encoded(figure, format)
+
+
+def _plain(axes: Any) -> None:
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.tick_params(colors=_SOFT, labelsize=9, length=0)
