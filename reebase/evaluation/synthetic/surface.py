@@ -126,8 +126,10 @@ def _dual(
     owner = np.concatenate(owners)
     count = int(offset[-1])
     vertices = _scatter(owner, np.concatenate(crossings), count) / np.bincount(owner)[:, None]
-    order = np.argsort(np.concatenate(edge_keys) * 4 + np.concatenate(slots))
-    if len(order) % 4:
+    edge = np.concatenate(edge_keys)
+    order = np.argsort(edge * 4 + np.concatenate(slots))
+    around = edge[order]
+    if not len(around) or len(around) % 4 or (around[::4] != around[3::4]).any():
         raise ComputationError("The field overstates distances: a cell that the surface crosses was missed.")
     quads = owner[order].reshape(-1, 4)
     turned = np.concatenate(flipped)[order].reshape(-1, 4)[:, 0]
