@@ -8,6 +8,8 @@ What is done, in this order; each step is counted in ``Health.repairs`` when it 
 - ``removed_degenerate_faces``: faces with a corner twice, or without area to within the rounding of
   coordinates.
 - ``removed_duplicate_faces``: a face on the same three vertices as an earlier one, whichever way it turns.
+- ``removed_fin_faces``: two faces back to back that stick out of a surface, too small to matter
+  (duplicates.py).
 - ``collapsed_edges``, ``flipped_edges``: how faces without area were removed without tearing the surface
   open.
 - ``reoriented_faces``: faces turned over, so that neighbours agree and closed components face outward.
@@ -23,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.errors import DegenerateMesh, MeshError, NoFaces, ParameterError
+from reebase.mesh.duplicates import without_duplicates
 from reebase.mesh.health import Health
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.orient import faces_to_turn
@@ -63,9 +66,9 @@ def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
     vertices, faces = merged(vertices, (vertices - centre) / scale, faces, merge_tolerance, repairs)
     unit = (vertices - centre) / scale
     faces = without_repeated_corners(faces, repairs)
-    faces = without_duplicates(faces, len(vertices), repairs)
+    faces = without_duplicates(unit, faces, repairs)
     with_area = without_flat_faces(unit, faces, 8 * rounding, repairs)
-    faces = with_area if with_area is faces else without_duplicates(with_area, len(vertices), repairs)
+    faces = with_area if with_area is faces else without_duplicates(unit, with_area, repairs)
     if len(faces) == 0:
         done = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in repairs.items())
         raise DegenerateMesh(
@@ -142,20 +145,6 @@ def without_repeated_corners(faces: IntArray, repairs: dict[str, int]) -> IntArr
     proper = (a != b) & (b != c) & (c != a)
     note(repairs, "removed_degenerate_faces", int(len(faces) - proper.sum()))
     return faces if proper.all() else faces[proper]
-
-
-def without_duplicates(faces: IntArray, vertex_count: int, repairs: dict[str, int]) -> IntArray:
-    """The first face on each three vertices."""
-    from reebase.mesh.topology_kernels import group
-
-    corners = np.sort(faces, axis=1)
-    order = group(np.ascontiguousarray(corners[:, 2]), vertex_count)[1]
-    for column in (1, 0):
-        order = order[group(corners[order, column], vertex_count)[1]]
-    ordered = corners[order]
-    again = order[1:][(ordered[1:] == ordered[:-1]).all(axis=1)]
-    note(repairs, "removed_duplicate_faces", len(again))
-    return np.delete(faces, again, axis=0) if len(again) else faces
 
 
 def report(

@@ -235,6 +235,48 @@ def test_a_double_sided_sheet_becomes_one_sheet() -> None:
     assert health.repairs == {"merged_vertices": 16, "removed_duplicate_faces": 18}
 
 
+def with_fin(mesh: Mesh, size: float, times: int = 2) -> Mesh:
+    """The mesh with a triangle, so many times, that stands on the first side of its first face."""
+    a, b, _ = mesh.faces[0].tolist()
+    tip = mesh.vertices[[a, b]].mean(axis=0) * (1 + size)
+    sides = [[a, b, len(mesh.vertices)], [b, a, len(mesh.vertices)]]
+    return Mesh(np.concatenate([mesh.vertices, [tip]]), np.concatenate([mesh.faces, (2 * sides)[:times]]))
+
+
+def test_a_small_fin_goes_as_a_whole_so_that_the_surface_is_closed() -> None:
+    cleaned, health = clean(with_fin(icosphere(2), 0.05))
+    assert same(cleaned, icosphere(2))
+    assert health.repairs == {"removed_fin_faces": 2, "removed_unreferenced_vertices": 1}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "duplicates"),
+    [(with_fin(icosphere(2), 2.0), 1), (with_fin(icosphere(2), 0.05, times=3), 2)],
+    ids=["large", "odd"],
+)
+def test_what_may_be_more_than_a_fin_keeps_one_of_its_faces(mesh: Mesh, duplicates: int) -> None:
+    _, health = clean(mesh)
+    assert health.repairs == {"removed_duplicate_faces": duplicates}
+    assert (health.non_manifold_edges, health.boundary_edges) == (1, 2)
+
+
+def test_a_fin_that_alone_joins_two_parts_stays_once() -> None:
+    one, other = cube(10.0), moved(cube(10.0), (10.1, 0, 0))
+    a, b = 1, 3  # an upright edge of the first, x = 5, and the corner of the second beside it
+    fin = [[a, b, 8], [b, a, 8], [b, 10, 8], [8, 10, b]]
+    mesh = joined(one, other)
+    _, health = clean(Mesh(mesh.vertices, np.concatenate([mesh.faces, fin])))
+    assert health.components == 1
+    assert health.repairs == {"removed_duplicate_faces": 2}
+
+
+def test_a_doubled_face_that_fills_a_hole_stays_once() -> None:
+    mesh = icosphere(3)
+    cleaned, health = clean(Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[7:8, ::-1]])))
+    assert same(cleaned, mesh)
+    assert health.repairs == {"removed_duplicate_faces": 1}
+
+
 def with_cap(mesh: Mesh) -> Mesh:
     """The mesh with face 0 = (a, b, c) cut in two at the middle d of ab, and a flat face (a, b, d) there."""
     a, b, c = mesh.faces[0].tolist()
