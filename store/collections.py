@@ -158,7 +158,7 @@ def counts(conn: Connection, collection_id: str) -> Counts:
         .group_by(endpoint_features.c.endpoint_count)
         .order_by(endpoint_features.c.endpoint_count)
     )
-    return Counts(dict(states.tuples().all()), dict(buckets.tuples().all()))
+    return Counts({row[0]: row[1] for row in states}, {row[0]: row[1] for row in buckets})
 
 
 def renew_profiles(conn: Connection) -> int:

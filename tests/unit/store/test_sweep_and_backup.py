@@ -1,0 +1,290 @@
+"""Nothing that is named is removed, nothing unnamed stays, and a backup gives all of it back."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sqlalchemy import select, update
+
+from store import collections, evaluations, idempotency, migrate, results, shapes, tables, tasks
+from store.backup import backup, restore, verify
+from store.blobs import LocalBlobs
+from store.engine import Database
+from store.errors import (
+    BlobNotFound,
+    CorruptBackup,
+    EvaluationNotFound,
+    ResultNotFound,
+    StaleClaim,
+    TargetNotEmpty,
+    TaskNotFound,
+)
+from store.idempotency import Request
+from store.records import Collection, Shape, Task
+from store.settings import Settings
+from store.sql import now
+from store.sweep import Swept, sweep
+from tests.unit.store.descriptions import description
+
+Upload = Callable[..., tuple[Shape, Task]]
+NOTHING = Swept(0, 0, 0, 0, 0)
+
+
+@pytest.fixture
+def blobs(settings: Settings) -> LocalBlobs:
+    return LocalBlobs(settings.blobs)
+
+
+@pytest.fixture
+def full(
+    database: Database, blobs: LocalBlobs, queue: tasks.DatabaseQueue, upload: Upload, collection: Collection
+) -> dict[str, str]:
+    """A described shape, an evaluation with its matrix, and a query that waits: name -> blob."""
+    file = io.BytesIO()
+    np.save(file, np.arange(4.0).reshape(2, 2))
+    data = {
+        "upload": b"ply", "cleaned": b"cleaned", "denoised": b"denoised", "query": b"query",
+        "matrix": file.getvalue(),
+    }  # fmt: skip
+    names = {name: blobs.put_if_absent(content) for name, content in data.items()}
+    upload(sha256=names["upload"])
+    task = queue.claim("w")
+    assert task is not None
+    with database.write() as conn:
+        results.store_description(
+            conn, task, description(np.ones((2, 3))), cleaned_sha256=names["cleaned"],
+            denoised_sha256=names["denoised"],
+        )  # fmt: skip
+        evaluations.create(conn, params={"measure": "matching"}, collection_id=collection.id)
+    task = queue.claim("w")
+    assert task is not None
+    with database.write() as conn:
+        items = [{"id": "a", "name": "a", "label": "x"}, {"id": "b", "name": "b", "label": "x"}]
+        evaluations.complete(conn, task, {"map": 0.5}, items=items, matrix_sha256=names["matrix"])
+        tasks.enqueue(conn, "query", collection_id=collection.id, blob=names["query"])
+    return names
+
+
+def age(blobs: LocalBlobs, seconds: float) -> None:
+    then = time.time() - seconds
+    for sha256 in blobs.all():
+        os.utime(blobs.path(sha256), (then, then))
+
+
+def test_what_is_named_stays(
+    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str]
+) -> None:
+    age(blobs, 10 * settings.sweep_grace_seconds)
+    assert sweep(database, blobs, settings) == NOTHING
+    assert set(blobs.all()) == set(full.values())
+
+
+def test_what_is_not_named_goes_after_the_grace(
+    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str]
+) -> None:
+    orphan = blobs.put_if_absent(b"orphan")
+    assert sweep(database, blobs, settings) == NOTHING
+    age(blobs, 10 * settings.sweep_grace_seconds)
+    blobs.put_if_absent(b"young")
+    assert sweep(database, blobs, settings).blobs == 1
+    assert not blobs.exists(orphan)
+    assert len(list(blobs.all())) == 6
+
+
+def test_deleting_leaves_the_blobs_to_the_sweep(
+    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str], queue: tasks.DatabaseQueue
+) -> None:
+    eager = settings.model_copy(update={"sweep_grace_seconds": 0.0})
+    task = queue.claim("w", ["query"])
+    assert task is not None
+    with database.write() as conn:
+        queue.succeed(conn, task, {"hits": []})
+    assert sweep(database, blobs, eager).blobs == 1
+    assert not blobs.exists(full["query"])
+    with database.write() as conn:
+        collections.delete(conn, "ants")
+    assert blobs.exists(full["upload"])
+    assert sweep(database, blobs, eager).blobs == 3
+    assert list(blobs.all()) == [full["matrix"]]
+    with database.write() as conn:
+        evaluations.delete(conn, evaluations.list_page(conn).items[0].id)
+    assert sweep(database, blobs, eager).blobs == 1
+    assert list(blobs.all()) == []
+
+
+def test_a_row_that_commits_after_the_first_look_saves_its_blob(
+    database: Database, blobs: LocalBlobs, settings: Settings, collection: Collection,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    sha256 = blobs.put_if_absent(b"in flight")
+    age(blobs, 10 * settings.sweep_grace_seconds)
+    write = database.write
+
+    def write_after_an_upload():  # type: ignore[no-untyped-def]
+        monkeypatch.undo()
+        with database.write() as conn:
+            shapes.add(conn, collection.id, sha256=sha256, bytes=9, format="ply", name="x")
+        return write()
+
+    # The first writer removes old rows, the second looks again at the one blob that nothing named.
+    writers = [write_after_an_upload, write]
+
+    def next_writer():  # type: ignore[no-untyped-def]
+        return writers.pop()()
+
+    monkeypatch.setattr(database, "write", next_writer)
+    assert sweep(database, blobs, settings).blobs == 0
+    assert writers == []
+    assert blobs.exists(sha256)
+
+
+def test_putting_a_blob_again_saves_it_before_its_row_is_there(
+    database: Database, blobs: LocalBlobs, settings: Settings
+) -> None:
+    sha256 = blobs.put_if_absent(b"again")
+    age(blobs, 10 * settings.sweep_grace_seconds)
+    blobs.put_if_absent(b"again")
+    assert sweep(database, blobs, settings) == NOTHING
+    assert blobs.exists(sha256)
+
+
+def test_old_queries_keys_and_tombstones_go(
+    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str], upload: Upload
+) -> None:
+    shape, _ = upload()
+    with database.write() as conn:
+        shapes.delete(conn, shape.collection_id, shape.id)
+        query = tasks.list_page(conn, kind="query").items[0]
+        tasks.cancel(conn, query.id)
+        idempotency.begin(conn, Request("k", "p", "POST", "/", "f"), keep_seconds=-1, lock_seconds=-1)
+        long_ago = now(-30 * 86400)
+        conn.execute(update(tables.tombstone).values(deleted_at=long_ago))
+        conn.execute(update(tables.task).where(tables.task.c.kind == "query").values(finished_at=long_ago))
+    swept = sweep(database, blobs, settings)
+    assert (swept.idempotency_keys, swept.queries, swept.tombstones) == (1, 1, 1)
+    with database.read() as conn:
+        with pytest.raises(TaskNotFound):
+            tasks.get(conn, query.id)
+        assert len(tasks.list_page(conn, kind="describe").items) == 2
+    assert sweep(database, blobs, settings) == NOTHING
+
+
+def test_evaluations(database: Database, blobs: LocalBlobs, full: dict[str, str], collection: Collection) -> None:
+    with database.write() as conn:
+        done = evaluations.list_page(conn, collection_id=collection.id).items[0]
+        waiting = evaluations.create(conn, params={"synthetic": {"seed": 1}})
+        assert [e.id for e in evaluations.list_page(conn, limit=1).items] == [waiting.id]
+        cursor = evaluations.list_page(conn, limit=1).next
+        assert evaluations.list_page(conn, limit=1, cursor=cursor).items == (done,)
+        assert evaluations.of_task(conn, waiting.task.id) == waiting
+    assert (done.report, done.task.state, done.task.result) == (
+        {"map": 0.5}, "succeeded", {"evaluation": done.id},
+    )  # fmt: skip
+    assert done.items is not None and [item["id"] for item in done.items] == ["a", "b"]
+    assert np.array_equal(evaluations.load_matrix(blobs, done), np.arange(4.0).reshape(2, 2))
+    assert (waiting.report, waiting.task.state, waiting.task.params) == (None, "queued", waiting.params)
+    with pytest.raises(ResultNotFound):
+        evaluations.load_matrix(blobs, waiting)
+    with pytest.raises(StaleClaim), database.write() as conn:
+        evaluations.complete(conn, waiting.task, {"map": 1.0}, items=[], matrix_sha256=None)
+    with database.write() as conn:
+        assert evaluations.get(conn, waiting.id).report is None
+        evaluations.delete(conn, waiting.id)
+        for call in (evaluations.get, evaluations.delete):
+            with pytest.raises(EvaluationNotFound):
+                call(conn, waiting.id)
+        with pytest.raises(TaskNotFound):
+            tasks.get(conn, waiting.task.id)
+
+
+def dump(database: Database) -> dict[str, list[str]]:
+    with database.read() as conn:
+        return {
+            table.name: sorted(str(row) for row in conn.execute(select(table)))
+            for table in tables.metadata.sorted_tables
+        }
+
+
+def test_a_backup_gives_everything_back(
+    database: Database, blobs: LocalBlobs, full: dict[str, str], tmp_path: Path
+) -> None:
+    orphan = blobs.put_if_absent(b"orphan")
+    made = backup(database, blobs, tmp_path / "backup")
+    before = dump(database)
+    with database.write() as conn:
+        collections.create(conn, "later")
+    there = Settings(home=tmp_path / "elsewhere")
+    assert restore(tmp_path / "backup", there) == made == verify(tmp_path / "backup")
+    assert set(made.blobs) == set(full.values())
+    assert made.schema == migrate.head()
+    restored = Database(there.database_url)
+    assert dump(restored) == before
+    kept = LocalBlobs(there.blobs)
+    for sha256 in full.values():
+        assert kept.get(sha256) == blobs.get(sha256)
+    with pytest.raises(BlobNotFound):
+        kept.get(orphan)
+    restored.close()
+    with pytest.raises(TargetNotEmpty):
+        restore(tmp_path / "backup", there)
+    with pytest.raises(TargetNotEmpty):
+        backup(database, blobs, tmp_path / "backup")
+    assert list(tmp_path.glob("**/*.partial*")) == []
+
+
+def test_what_ran_during_the_backup_is_queued_after_the_restore(
+    database: Database, blobs: LocalBlobs, queue: tasks.DatabaseQueue, full: dict[str, str], tmp_path: Path
+) -> None:
+    task = queue.claim("w")
+    assert task is not None
+    backup(database, blobs, tmp_path / "backup")
+    there = Settings(home=tmp_path / "elsewhere")
+    restore(tmp_path / "backup", there)
+    restored = Database(there.database_url)
+    with restored.read() as conn:
+        again = tasks.get(conn, task.id)
+    restored.close()
+    assert (again.state, again.crashes, again.attempt) == ("queued", 0, 1)
+
+
+@pytest.mark.parametrize("damage", ["blob", "missing blob", "database", "manifest", "no manifest", "no database"])
+def test_a_damaged_backup_restores_nothing(
+    database: Database, blobs: LocalBlobs, full: dict[str, str], tmp_path: Path, damage: str
+) -> None:
+    source = tmp_path / "backup"
+    backup(database, blobs, source)
+    blob = LocalBlobs(source / "blobs").path(full["denoised"])
+    if damage == "blob":
+        blob.write_bytes(b"Denoised")
+    elif damage == "missing blob":
+        blob.unlink()
+    elif damage == "database":
+        content = bytearray((source / "reebase.sqlite").read_bytes())
+        content[-1] ^= 1
+        (source / "reebase.sqlite").write_bytes(content)
+    elif damage == "manifest":
+        record = json.loads((source / "manifest.json").read_text())
+        del record["blobs"]
+        (source / "manifest.json").write_text(json.dumps(record))
+    else:
+        (source / {"no manifest": "manifest.json", "no database": "reebase.sqlite"}[damage]).unlink()
+    there = Settings(home=tmp_path / "elsewhere")
+    with pytest.raises(CorruptBackup):
+        restore(source, there)
+    assert not there.home.exists()
+
+
+def test_a_store_that_is_damaged_says_so_when_backed_up(
+    database: Database, blobs: LocalBlobs, full: dict[str, str], tmp_path: Path
+) -> None:
+    blobs.delete(full["cleaned"])
+    with pytest.raises(BlobNotFound, match=full["cleaned"]):
+        backup(database, blobs, tmp_path / "backup")
+    assert not (tmp_path / "backup").exists()
