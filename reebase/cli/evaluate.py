@@ -15,7 +15,7 @@ import numpy.typing as npt
 import typer
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
+from rich.table import Column, Table
 
 from reebase.cli import options
 from reebase.cli.folders import labels_of, mesh_files
@@ -114,7 +114,7 @@ def _print(report: Evaluation, failed: dict[str, dict[str, str]]) -> None:
     console = Console()
     names = ("nn", "first_tier", "second_tier", "e_measure", "map", "dcg")
     record = report.to_json()
-    table = Table("class", "shapes", *(name.replace("_", " ") for name in names))
+    table = Table(Column("class", no_wrap=True), "shapes", *(name.replace("_", " ") for name in names))
     for label, row in record["per_class"].items():
         table.add_row(label, str(row["count"]), *(f"{row[name]:.3f}" for name in names))
     table.add_section()
