@@ -22,9 +22,12 @@ __all__ = ["pliers", "spectacles"]
 def pliers(random: Random) -> Figure:
     """Two levers that cross at a pivot: jaws in front, long curved handles behind, more or less open."""
     gape = between(random, 8, 26)  # half of the angle between the jaws
-    jaw_length, handle = between(random, 0.42, 0.62), between(random, 0.92, 1.1)
+    jaw_length, handle = between(random, 0.38, 0.56), between(random, 0.95, 1.15)
     bow = between(random, 0.8, 1.25)
-    parts: list[Limb | Ellipsoid] = [ball(vector(0, 0, 0), [0.19, 0.165, 0.1])]
+    parts: list[Limb | Ellipsoid] = [
+        ball(vector(0, 0, 0), [0.2, 0.17, 0.1]),
+        ball(vector(0, 0, 0), [0.075, 0.075, 0.135], blend=0.03),
+    ]
     for side in (1, -1):
         frame = mirror(side, turn("z", gape))
         jaw = [0.16, 0.5 * jaw_length, 0.5 * jaw_length]
