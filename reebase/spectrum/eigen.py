@@ -41,11 +41,14 @@ CONVERGED = 1e-10
 """Residual of an eigenpair of the shifted and inverted operator, relative to mu, at which Lanczos ends. The solve
 that follows it takes the eigenvector further by a factor of about mu over the next one."""
 
-GUARD = 2
-"""Vectors in a block beyond those wanted, so that eigenvalues close to the last wanted one do not hold it up."""
+GUARD = 1
+"""Vectors in a block beyond those wanted, so that an eigenvalue close to the last wanted one does not hold it up."""
+
+WIDEST = 12
+"""Vectors in a block at most; wider ones cost more solves than they save."""
 
 STEPS = 100
-"""Blocks after which Lanczos gives up; it needs about ten."""
+"""Blocks after which Lanczos gives up, beyond those that the wanted vectors fill; it needs about ten."""
 
 Array = npt.NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -160,14 +163,14 @@ def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
     Block Lanczos (Golub and Underwood 1977) with full orthogonalisation and no restart: a block finds as many
     copies of a multiple eigenvalue as it is wide, where a single vector would find one.
     """
-    from scipy.linalg import eigh, qr
+    from scipy.linalg import eigh
 
     m = len(root)
-    width = count + GUARD
-    limit = min(m - 1, STEPS * width)
+    width = min(count + GUARD, WIDEST)
+    limit = min(m - 1, STEPS * width + 2 * count)
     basis, H = np.empty((m, limit), order="F"), np.zeros((limit, limit))
     block = np.random.default_rng(0).standard_normal((m, width))
-    block = qr(block - np.outer(root, root @ block), mode="economic")[0]
+    block = np.linalg.qr(block - np.outer(root, root @ block))[0]
     size, residual = 0, np.inf
     while size + width <= limit:
         new = slice(size, size + width)
@@ -178,10 +181,11 @@ def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
         V = basis[:, :size]
         H[:size, new] = V.T @ image
         H[new, :size] = H[:size, new].T
-        block, R = qr(image - V @ H[:size, new], mode="economic")
-        block, again = qr(block - V @ (V.T @ block), mode="economic")
-        mu, s = eigh(H[:size, :size])
-        mu, s = mu[-count:], s[:, -count:]
+        block, R = np.linalg.qr(image - V @ H[:size, new])
+        block, again = np.linalg.qr(block - V @ (V.T @ block))
+        if size < count:
+            continue
+        mu, s = eigh(H[:size, :size], subset_by_index=[size - count, size - 1])
         residual = float((np.linalg.norm(again @ R @ s[-width:], axis=0) / mu).max())
         if residual <= CONVERGED:
             return mu, V @ s

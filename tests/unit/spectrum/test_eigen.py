@@ -1,0 +1,153 @@
+"""Eigenpairs: closed forms of the sphere, rectangle and tube, a dense solver, and invariances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.sparse import csr_matrix
+
+from reebase.errors import ComputationError, ParameterError
+from reebase.mesh.mesh import Mesh
+from reebase.spectrum import Operator, Spectrum, eigenpairs, operator
+from reebase.spectrum.eigen import DENSE
+from tests.shapes import capsule, cylinder, grid, icosphere, moebius, moved, permuted, tetrahedron, torus
+
+SPHERE = 4 * np.pi * np.array([l * (l + 1) for l in range(4) for _ in range(2 * l + 1)])  # noqa: E741
+"""l (l + 1), 2 l + 1 times each, at unit area."""
+
+
+def rectangle(a, b, k):
+    """Neumann eigenvalues of a by b at unit area: pi^2 (i^2 / a^2 + j^2 / b^2) a b."""
+    i, j = np.meshgrid(np.arange(20), np.arange(20))
+    return np.sort((np.pi**2 * (i**2 / a**2 + j**2 / b**2) * a * b).ravel())[:k]
+
+
+def order_of_convergence(errors):
+    return np.log2(errors[:-1] / errors[1:])
+
+
+def test_spheres_converge_to_l_l_plus_1_with_order_two():
+    found = np.array([eigenpairs(operator(icosphere(s)), 16).eigenvalues for s in (2, 3, 4)])
+    np.testing.assert_allclose(found[-1], SPHERE, rtol=1e-2)
+    errors = np.abs(found / np.maximum(SPHERE, 1) - (SPHERE > 0))[:, 1:].max(axis=1)
+    assert (order_of_convergence(errors) > 1.8).all()
+
+
+def test_rectangles_converge_to_the_neumann_spectrum_with_order_two():
+    found = np.array([eigenpairs(operator(grid(n, n, 2.0, 1.3)), 8).eigenvalues for n in (8, 16, 32)])
+    expected = rectangle(2.0, 1.3, 8)
+    np.testing.assert_allclose(found[-1], expected, rtol=1e-2)
+    errors = np.abs(found - expected).max(axis=1)
+    assert (order_of_convergence(errors) > 1.8).all()
+
+
+def test_phi_2_of_a_rectangle_is_a_cosine():
+    mesh = grid(40, 20, 2.0, 1.0)
+    spectrum = eigenpairs(operator(mesh))
+    expected = np.sqrt(2) * np.cos(np.pi * mesh.vertices[:, 0] / 2)
+    expected *= np.sign(expected[0] * spectrum.fiedler[0])
+    np.testing.assert_allclose(spectrum.fiedler, expected, atol=5e-3)
+
+
+def test_a_long_tube_vibrates_like_a_string():
+    """A polygonal tube is flat inside, so that the closed form is that of the polygon's girth."""
+    mesh = cylinder(20.0, 0.5, nu=12, along=120)
+    found = eigenpairs(operator(mesh), 4).eigenvalues
+    area = operator(mesh).area
+    np.testing.assert_allclose(found, [area * (np.pi * i / 20) ** 2 for i in range(4)], rtol=1e-3)
+
+
+@pytest.mark.parametrize("mesh", [tetrahedron(), icosphere(1), torus(nu=16, nv=8), moebius()], ids="abcd")
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+def test_equals_a_dense_solver(mesh, k):
+    found = operator(mesh)
+    spectrum = eigenpairs(found, k)
+    mass = found.mass / found.area
+    expected = scipy.linalg.eigh(found.C.toarray(), np.diag(mass), eigvals_only=True)[:k]
+    np.testing.assert_allclose(spectrum.eigenvalues, expected, rtol=1e-9, atol=1e-9)
+    phi = spectrum.eigenvectors
+    np.testing.assert_allclose(phi.T @ (mass[:, None] * phi), np.eye(k), atol=1e-9)
+    np.testing.assert_allclose(found.C @ phi, mass[:, None] * phi * spectrum.eigenvalues, atol=1e-9)
+    np.testing.assert_array_equal(phi[:, 0], 1.0)
+
+
+def test_finds_every_copy_of_a_multiple_eigenvalue():
+    found = eigenpairs(operator(icosphere(3)), 9).eigenvalues
+    np.testing.assert_allclose(found[1:4], found[1], rtol=1e-9)
+    np.testing.assert_allclose(found[4:9], found[4], rtol=1e-9)
+
+
+def test_all_eigenpairs_of_a_small_mesh():
+    for m, mesh in ((3, Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])), (4, tetrahedron())):
+        spectrum = eigenpairs(operator(mesh), m)
+        assert spectrum.eigenvectors.shape == (m, m)
+        assert (np.diff(spectrum.eigenvalues) >= -1e-9).all()
+    mesh = icosphere(2)
+    assert len(eigenpairs(operator(mesh), 162).eigenvalues) == 162
+
+
+def test_deterministic_to_the_last_bit():
+    first, second = (eigenpairs(operator(torus())) for _ in range(2))
+    np.testing.assert_array_equal(first.eigenvectors, second.eigenvectors)
+    np.testing.assert_array_equal(first.eigenvalues, second.eigenvalues)
+
+
+@pytest.mark.parametrize(("mesh", "dense"), [(capsule(nu=7, nv=2, along=4), True), (capsule(), False)])
+def test_invariant_to_motion_scale_and_order(mesh, dense):
+    assert (len(mesh.vertices) <= DENSE) == dense
+    expected = eigenpairs(operator(mesh))
+    shuffled, order = permuted(mesh)
+    for other, at in (
+        (moved(mesh, [9, 9, 9], seed=2), slice(None)), (moved(mesh, scale=1e-6), slice(None)),
+        (moved(mesh, scale=1e6), slice(None)), (shuffled, order),
+    ):  # fmt: skip
+        found = eigenpairs(operator(other))
+        np.testing.assert_allclose(found.eigenvalues, expected.eigenvalues, rtol=1e-8, atol=1e-8)
+        fiedler = expected.fiedler[at] * np.sign(found.fiedler @ expected.fiedler[at])
+        np.testing.assert_allclose(found.fiedler, fiedler, atol=1e-7)
+
+
+def test_a_vertex_without_mass_takes_part():
+    """A face without area at a vertex of its own: C binds it, R does not weigh it."""
+    for mesh in (grid(3, 3), grid(12, 12)):
+        plain = operator(mesh)
+        n = len(mesh.vertices)
+        C = plain.C.toarray()
+        C = np.block([[C, np.zeros((n, 1))], [np.zeros((1, n + 1))]])
+        C[np.ix_([0, n], [0, n])] += [[1, -1], [-1, 1]]
+        spectrum = eigenpairs(Operator(csr_matrix(C), np.append(plain.mass, 0.0), "cotangent"))
+        np.testing.assert_allclose(spectrum.eigenvalues, eigenpairs(plain).eigenvalues, atol=1e-8)
+        assert spectrum.fiedler[n] == pytest.approx(spectrum.fiedler[0])
+
+
+def test_near_degeneracy_is_a_ratio_below_1_05():
+    assert eigenpairs(operator(icosphere(2))).near_degenerate
+    assert eigenpairs(operator(grid(10, 10))).near_degenerate
+    assert not eigenpairs(operator(capsule())).near_degenerate
+    vectors = np.ones((5, 3))
+    assert not Spectrum(np.array([0, 1, 1.05]), vectors).near_degenerate
+    assert Spectrum(np.array([0, 1, 1.0499]), vectors).near_degenerate
+    with pytest.raises(ParameterError, match="k=3"):
+        _ = eigenpairs(operator(capsule()), 2).near_degenerate
+    with pytest.raises(ParameterError, match="k=2"):
+        _ = eigenpairs(operator(capsule()), 1).fiedler
+
+
+@pytest.mark.parametrize("k", [0, -1, 5])
+def test_refuses_more_eigenpairs_than_vertices(k):
+    with pytest.raises(ParameterError, match="4 vertices has 4 eigenpairs"):
+        eigenpairs(operator(tetrahedron()), k)
+
+
+@pytest.mark.parametrize("mesh", [tetrahedron(), icosphere(2)], ids=["dense", "sparse"])
+def test_says_so_when_a_vertex_has_no_faces(mesh):
+    lonely = Mesh(np.concatenate([mesh.vertices, [[9, 9, 9]]]), mesh.faces)
+    with pytest.raises(ComputationError, match="without faces"):
+        eigenpairs(operator(lonely))
+
+
+def test_refuses_a_result_with_a_large_residual(monkeypatch):
+    monkeypatch.setattr("reebase.spectrum.eigen._lanczos", lambda solve, root, k: (np.ones(k), np.ones((162, k))))
+    with pytest.raises(ComputationError, match="did not converge"):
+        eigenpairs(operator(icosphere(2)))
