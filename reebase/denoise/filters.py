@@ -54,13 +54,9 @@ def denoise(
     checked = METHODS[method].checked(parameters)
 
     around = rings(mesh.faces, len(mesh.vertices))
-    moving = np.flatnonzero(around.degrees)
-    scale = mean_neighbour_distance(mesh.vertices, around)
+    start, scale = framed(mesh.vertices, around)
     if scale == 0:
         return mesh
-    # Near the origin and in mean edge lengths, squares neither overflow nor lose digits.
-    start = np.zeros_like(mesh.vertices)
-    start[moving] = (mesh.vertices[moving] - mesh.vertices[moving[0]]) / scale
     step = METHODS[method].prepare(Surface(start, mesh.faces, around), checked)
     curve, along = around.boundary_curve
     positions = start
@@ -71,9 +67,29 @@ def denoise(
         elif boundary == "curve":
             displacements[curve] = along_curve(positions, displacements[curve], along)
         positions = positions + displacements
-    moved = mesh.vertices.copy()
-    moved[moving] += scale * (positions - start)[moving]
-    return Mesh(moved, mesh.faces)
+    return Mesh(mesh.vertices + scale * (positions - start), mesh.faces)
+
+
+def framed(vertices: FloatArray, around: Rings) -> tuple[FloatArray, float]:
+    """The vertices about one of them in mean edge lengths, isolated ones at the origin, (m, 3), and that
+    length.
+
+    There squares neither overflow nor lose digits. The length is 0 when no edge has a length.
+    """
+    from reebase.mesh.topology_kernels import mean_distance
+
+    isolated = around.degrees == 0
+    if isolated.all():
+        return vertices, 0.0
+    start = vertices - vertices[int(isolated.argmin())]
+    start[isolated] = 0.0
+    extent = float(np.abs(start).max())
+    if extent == 0:
+        return start, 0.0
+    start /= extent
+    length = mean_distance(start, around.neighbour_starts, around.neighbours)
+    start /= length
+    return start, extent * length
 
 
 def along_curve(
@@ -85,13 +101,3 @@ def along_curve(
     square = (tangents**2).sum(axis=1)
     share = (displacements * tangents).sum(axis=1) / np.where(square > 0, square, 1.0)
     return np.asarray(share[:, None] * tangents)
-
-
-def mean_neighbour_distance(vertices: FloatArray, around: Rings) -> float:
-    """The mean edge length (1.4): every edge is met from both its ends. 0 without edges."""
-    source = np.repeat(np.arange(len(vertices)), around.degrees)
-    sides = vertices[around.neighbours] - vertices[source]
-    largest = float(np.abs(sides).max(initial=0.0))
-    if largest == 0:
-        return 0.0
-    return largest * float(np.sqrt(((sides / largest) ** 2).sum(axis=1)).mean())

@@ -193,7 +193,8 @@ def scale_of(
 ) -> float:
     """sigma: scaled median absolute deviation of the offsets, or root mean square of |c_j - v_i|."""
     if robust:
-        scratch[:size] = offsets[:size]
+        for k in range(size):  # not a slice: that takes seconds to compile
+            scratch[k] = offsets[k]
         middle = median(scratch, size)
         for k in range(size):
             scratch[k] = abs(offsets[k] - middle)

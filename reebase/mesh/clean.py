@@ -58,7 +58,8 @@ def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
     if len(mesh.faces) == 0:
         raise NoFaces
     repairs: dict[str, int] = {}
-    vertices, faces = without_unreferenced(mesh.vertices, mesh.faces, repairs)
+    # A copy: kernels are compiled anew for arrays that are read-only.
+    vertices, faces = without_unreferenced(mesh.vertices, mesh.faces.copy(), repairs)
     centre, scale = frame(vertices)
     # Coordinates far from the origin carry rounding of their own size, which the unit frame magnifies.
     rounding = float(np.finfo(np.float64).eps) * max(1.0, float(np.abs(vertices).max()) / scale)
@@ -78,12 +79,13 @@ def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
     vertices, faces = without_unreferenced(vertices, faces, repairs)
     unit = (vertices - centre) / scale
 
-    turn = faces_to_turn(unit, edges(faces))
-    faces = np.where(turn[:, None], faces[:, ::-1], faces)
-    note(repairs, "reoriented_faces", int(turn.sum()))
-    cleaned = Mesh(vertices, faces)
+    joined = edges(faces)
+    turn = faces_to_turn(unit, joined)
+    if turn.any():
+        note(repairs, "reoriented_faces", int(turn.sum()))
+        joined = edges(np.where(turn[:, None], faces[:, ::-1], faces))
     read = (len(mesh.vertices), len(mesh.faces))
-    return cleaned, report(unit, edges(cleaned.faces), scale, read, repairs)
+    return Mesh(vertices, joined.faces), report(unit, joined, scale, read, repairs)
 
 
 def note(repairs: dict[str, int], name: str, count: int) -> None:
@@ -151,10 +153,10 @@ def report(
     unit: FloatArray, joined: Edges, scale: float, read: tuple[int, int], repairs: dict[str, int]
 ) -> Health:
     """The health of a cleaned mesh whose vertices are ``scale`` times ``unit``, up to a translation."""
+    from reebase.mesh.topology_kernels import triangle_measures
+
     faces = joined.faces
-    corners = unit[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = 0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals))
+    areas, _, _, volumes = triangle_measures(unit, faces, np.zeros(len(faces), dtype=np.int32)).T
     area = float(areas.sum())
     components, component = joined.components
     share = float(np.bincount(component, weights=areas).max() / area)
@@ -165,7 +167,6 @@ def report(
     closed = len(joined.boundary) == 0
     euler = len(unit) - len(joined) + len(faces)
     manifold = pinched == 0 and len(joined.non_manifold) == 0
-    volume = float(np.einsum("ij,ij->", corners[:, 0], normals)) / 6 * scale**3
     ends = unit[joined.vertices]
     lengths = np.sqrt(((ends[:, 1] - ends[:, 0]) ** 2).sum(axis=1))
     flags = {
@@ -189,7 +190,7 @@ def report(
         closed=closed,
         oriented=joined.oriented,
         area=area * scale**2,
-        volume=volume if closed and joined.balanced.all() else None,
+        volume=float(volumes.sum()) * scale**3 if closed and joined.balanced.all() else None,
         mean_edge_length=float(lengths.mean()) * scale,
         largest_component_share=share,
         repairs=repairs,

@@ -54,19 +54,17 @@ def inward(
 ) -> npt.NDArray[np.bool_]:
     """Faces of the components that are closed cycles, once ``turn`` is done, with negative volume; bool,
     (n,)."""
+    from reebase.mesh.topology_kernels import triangle_measures
+
     count, component = edges.components
     along = np.where(edges.forward ^ np.repeat(turn, 3), 1.0, -1.0)
     balance = np.bincount(edges.of_side, weights=along, minlength=len(edges))
     closed = np.ones(count, dtype=bool)
     closed[component[edges.sides[edges.starts[:-1]][balance != 0] // 3]] = False
     # About the component's own first vertex, so that parts far apart do not lose digits to each other.
-    anchor = np.full(count, -1, dtype=np.int64)
+    anchor = np.empty(count, dtype=np.int32)
     anchor[component[::-1]] = edges.faces[::-1, 0]
-    corners = vertices[edges.faces] - vertices[anchor[component]][:, None]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    volumes = np.einsum("ij,ij->i", corners[:, 0], normals) / 6
+    area, _, _, volumes = triangle_measures(vertices, edges.faces, anchor[component]).T
     volume = np.bincount(component, weights=np.where(turn, -volumes, volumes), minlength=count)
-    area = np.bincount(
-        component, weights=0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals)), minlength=count
-    )
+    area = np.bincount(component, weights=area, minlength=count)
     return np.asarray((closed & (volume < -FLAT * area**1.5))[component])

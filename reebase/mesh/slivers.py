@@ -52,10 +52,10 @@ def side_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 def is_flat(vertices: FloatArray, faces: IntArray, height: float) -> npt.NDArray[np.bool_]:
     """Whether each face is at most ``height`` high over its longest side, bool, (n,)."""
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    doubled = np.sqrt(np.einsum("ij,ij->i", normals, normals))
-    return np.asarray(doubled <= height * side_lengths(vertices, faces).max(axis=1))
+    from reebase.mesh.topology_kernels import triangle_measures
+
+    area, _, longest, _ = triangle_measures(vertices, faces, np.ascontiguousarray(faces[:, 0])).T
+    return np.asarray(2 * area <= height * longest)
 
 
 def collapsed(vertices: FloatArray, faces: IntArray, height: float, repairs: dict[str, int]) -> IntArray:

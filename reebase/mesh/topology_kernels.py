@@ -1,12 +1,15 @@
-"""Linear-time loops under topology.py and clean.py. They assume valid input: every index is in range."""
+"""Linear-time loops under topology.py, clean.py and denoise. They assume valid input: every index is in
+range."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["first_within", "group", "label", "one_rings"]
+__all__ = ["first_within", "group", "label", "mean_distance", "one_rings", "triangle_measures"]
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
@@ -156,3 +159,38 @@ def one_rings(
                 shared[place[other]] += 1
         neighbour_starts[v + 1] = used
     return starts, ring, neighbour_starts, neighbours[:used].copy(), shared[:used].copy()
+
+
+@njit(cache=True, nogil=True)
+def triangle_measures(vertices: FloatArray, faces: IntArray, about: IntArray) -> FloatArray:
+    """For each face its area, its shortest and its longest side, and the signed volume of the tetrahedron
+    on it whose tip is the vertex ``about`` of the face, (n, 4)."""
+    measures = np.empty((len(faces), 4))
+    for f in range(len(faces)):
+        i, j, k, o = faces[f, 0], faces[f, 1], faces[f, 2], about[f]
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        ux, uy, uz = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+        vx, vy, vz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+        wx, wy, wz = vx - ux, vy - uy, vz - uz
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        u, v, w = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+        measures[f, 0] = 0.5 * math.sqrt(nx * nx + ny * ny + nz * nz)
+        measures[f, 1] = math.sqrt(min(u, v, w))
+        measures[f, 2] = math.sqrt(max(u, v, w))
+        x, y, z = x - vertices[o, 0], y - vertices[o, 1], z - vertices[o, 2]
+        measures[f, 3] = (x * nx + y * ny + z * nz) / 6.0
+    return measures
+
+
+@njit(cache=True, nogil=True)
+def mean_distance(vertices: FloatArray, starts: IntArray, neighbours: IntArray) -> float:
+    """The mean of |v_j - v_i| over all i and j ~ i: the mean edge length, as every edge is met from both
+    ends."""
+    total = 0.0
+    for i in range(len(vertices)):
+        for k in range(starts[i], starts[i + 1]):
+            j = neighbours[k]
+            x, y = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1]
+            z = vertices[j, 2] - vertices[i, 2]
+            total += math.sqrt(x * x + y * y + z * z)
+    return total / max(len(neighbours), 1)
