@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from urllib.parse import quote
 
 from starlette.requests import Request
@@ -23,14 +23,14 @@ def attachment(filename: str) -> str:
 
 def file_response(
     request: Request,
-    content: bytes | Iterator[bytes],
+    content: bytes | Callable[[], Iterator[bytes]],
     *,
     size: int,
     etag: str,
     media_type: str,
     filename: str,
 ) -> Response:
-    """The bytes as a download, or 304. ``etag`` names exactly these bytes."""
+    """The bytes as a download, or 304. ``etag`` names exactly these bytes; a stream opens when it is sent."""
     tag = f'"{etag}"'
     headers = {
         "ETag": tag, "Cache-Control": "private, no-cache", "X-Content-Type-Options": "nosniff",
@@ -43,4 +43,4 @@ def file_response(
     }  # fmt: skip
     if isinstance(content, bytes):
         return Response(content, headers=headers)
-    return StreamingResponse(content, headers=headers)
+    return StreamingResponse(content(), headers=headers)

@@ -149,6 +149,6 @@ def get_original(
     with here.database.read() as conn:
         found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
     return file_response(
-        request, here.blobs.stream(found.sha256), size=found.bytes, etag=found.sha256,
+        request, lambda: here.blobs.stream(found.sha256), size=found.bytes, etag=found.sha256,
         media_type="application/octet-stream", filename=found.filename or f"{found.name}.{found.format}",
     )  # fmt: skip

@@ -1,0 +1,200 @@
+"""The contract of errors, stated once and proven on every route.
+
+Every answer of 400 and above is application/problem+json with type, title, status, code, detail, instance and
+request_id; the status in it is that of the answer; the code is one of the documented ones; nothing of the inside
+(paths, tracebacks, SQL) leaks.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import httpx
+import pytest
+
+from service import problems
+from service.app import create_app
+from service.routes import collections as collection_routes
+from service.settings import ServiceSettings
+
+CODES = {code: status for code, status, _ in problems.catalogue()}
+MEMBERS = {"type", "title", "status", "code", "detail", "instance", "request_id"}
+
+
+def is_problem(reply: httpx.Response, status: int, code: str) -> dict[str, Any]:
+    """Assert the contract on an answer; returns the document."""
+    assert reply.headers["content-type"] == "application/problem+json", reply.text
+    value: dict[str, Any] = reply.json()
+    assert value.keys() >= MEMBERS
+    assert value.keys() <= MEMBERS | {"errors", "details"}
+    assert (reply.status_code, value["code"]) == (status, code), value
+    assert value["status"] == status
+    assert value["type"] == f"/docs#{code}"
+    assert value["instance"] == reply.url.path
+    assert value["request_id"] == reply.headers["x-request-id"]
+    assert value["detail"].strip() and value["title"].strip()
+    assert not re.search(r"Traceback|site-packages|sqlalchemy|SELECT ", reply.text)
+    assert reply.headers["x-content-type-options"] == "nosniff"
+    for error in value.get("errors", ()):
+        assert error["detail"] and error["code"]
+        assert ("pointer" in error) != ("parameter" in error)
+    return value
+
+
+def operations() -> list[tuple[str, str, dict[str, Any]]]:
+    """(method, path, operation) of everything in the OpenAPI document."""
+    document = create_app(ServiceSettings()).openapi()
+    return [(m.upper(), path, op) for path, item in document["paths"].items() for m, op in item.items()]
+
+
+OPERATIONS = operations()
+ABSENT = [(m, p) for m, p, _ in OPERATIONS if "{" in p]
+NAMES = {"collection": "collection_not_found", "task": "task_not_found", "evaluation": "evaluation_not_found"}
+
+
+def test_codes_are_unique_and_documented() -> None:
+    # Two classes may share a code only when they share the status.
+    assert all(400 <= status < 600 for status in CODES.values())
+    assert all(re.fullmatch(r"[a-z0-9_]+", code) for code in CODES)
+    assert all(text for _, _, text in problems.catalogue())
+
+
+@pytest.mark.parametrize("operation", [op for _, _, op in OPERATIONS], ids=lambda op: op["operationId"])
+def test_every_operation_documents_problems(operation: dict[str, Any]) -> None:
+    refusals = {status: answer for status, answer in operation["responses"].items() if status >= "4"}
+    assert "500" in refusals
+    for answer in refusals.values():
+        assert answer["content"] == {
+            "application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}
+        }
+
+
+@pytest.mark.parametrize(("method", "path"), ABSENT)
+def test_what_is_not_there(api: httpx.Client, method: str, path: str) -> None:
+    first = re.findall(r"{(\w+)}", path)[0]
+    body: dict[str, Any] = {}
+    if method in {"POST", "PATCH"}:
+        queries = [{"shape": "x"}]
+        body = {"json": {"queries": queries} if path.endswith("queries") else {"name": "x", "shape": "x"}}
+        if method == "PATCH" and path.endswith("{collection}"):
+            body = {"json": {"description": "x"}}
+        if method == "PATCH" and path.endswith("{shape}"):
+            body = {"json": {"name": "x"}}
+    reply = api.request(method, re.sub(r"{\w+}", "absent", path), **body)
+    is_problem(reply, 404, NAMES[first])
+
+
+@pytest.mark.parametrize(("method", "path"), [(m, p) for m, p in ABSENT if "{shape}" in p])
+def test_a_shape_that_is_not_there(api: httpx.Client, shelf: str, method: str, path: str) -> None:
+    body = {"json": {"name": "x"}} if method == "PATCH" else {}
+    path = path.replace("/v1/collections/{collection}", shelf).replace("{shape}", "absent")
+    is_problem(api.request(method, path, **body), 404, "shape_not_found")
+
+
+@pytest.mark.parametrize("path", sorted({path for _, path, _ in OPERATIONS}))
+def test_methods_that_a_route_does_not_take(api: httpx.Client, path: str) -> None:
+    taken = {m for m, p, _ in OPERATIONS if p == path}
+    reply = api.request("PUT", re.sub(r"{\w+}", "x", path))
+    is_problem(reply, 405, "method_not_allowed")
+    assert set(reply.headers["allow"].split(", ")) == taken
+
+
+@pytest.mark.parametrize("path", ["/absent", "/v1", "/v1/", "/v1/absent", "/v1/collections/", "/page/../app.py"])
+def test_routes_that_are_not_there(api: httpx.Client, path: str) -> None:
+    is_problem(api.get(path), 404, "route_not_found")
+
+
+JSON = {"Content-Type": "application/json"}
+DEEP = "[" * 30_000
+
+MALFORMED = {
+    "nothing": "", "half": '{"name": "a"', "words": "name=a", "not a number": '{"name": "a", "x": NaN}',
+    "infinity": '{"name": Infinity}', "too large a number": '{"name": 1e999}', "deep": DEEP,
+    "twice": '{"name": "a", "name": "b"}', "null character": '{"name": "a\\u0000"}',
+    "half a pair": '{"name": "\\ud800"}', "long number": '{"name": ' + "9" * 5000 + "}",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", MALFORMED.values(), ids=MALFORMED)
+def test_bodies_that_are_not_json(api: httpx.Client, text: str) -> None:
+    reply = api.post("/v1/collections", content=text, headers=JSON)
+    if text == "":
+        is_problem(reply, 422, "validation_error")
+    else:
+        is_problem(reply, 400, "malformed_json")
+
+
+def test_json_in_another_encoding(api: httpx.Client) -> None:
+    reply = api.post("/v1/collections", content=b'{"name": "\xff"}', headers=JSON)
+    is_problem(reply, 400, "malformed_json")
+
+
+def test_a_json_body_over_the_limit(api: httpx.Client) -> None:
+    text = json.dumps({"name": "a", "description": "x" * 60_000})
+    is_problem(api.post("/v1/collections", content=text, headers=JSON), 413, "too_many_bytes")
+    chunked = (text[i : i + 1000].encode() for i in range(0, len(text), 1000))
+    is_problem(api.post("/v1/collections", content=chunked, headers=JSON), 413, "too_many_bytes")
+
+
+def test_a_compressed_body(api: httpx.Client) -> None:
+    reply = api.post("/v1/collections", content=b"x", headers={**JSON, "Content-Encoding": "gzip"})
+    is_problem(reply, 415, "unsupported_encoding")
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "no name": ({}, "/name"),
+    "capital letters": ({"name": "Animals"}, "/name"),
+    "64 characters": ({"name": "a" * 64}, "/name"),
+    "no string": ({"name": 1}, "/name"),
+    "another member": ({"name": "a", "colour": "red"}, "/colour"),
+    "one band": ({"name": "a", "profile": {"bands": 1}}, "/profile/bands"),
+    "threshold of one": ({"name": "a", "profile": {"threshold": 1.0}}, "/profile/threshold"),
+    "control character": ({"name": "a", "description": "\u0007"}, "/description"),
+}
+
+
+@pytest.mark.parametrize(("body", "pointer"), WRONG.values(), ids=WRONG)
+def test_values_that_are_not_allowed(api: httpx.Client, body: dict[str, Any], pointer: str) -> None:
+    value = is_problem(api.post("/v1/collections", json=body), 422, "validation_error")
+    assert [error["pointer"] for error in value["errors"]] == [pointer]
+
+
+def test_an_unknown_filter_lists_those_that_there_are(api: httpx.Client) -> None:
+    body = {"name": "filters", "profile": {"denoise": "magic"}}
+    value = is_problem(api.post("/v1/collections", json=body), 422, "unknown_name")
+    assert "finite_volume" in value["detail"]
+    assert "none" in value["details"]["choices"]
+
+
+@pytest.mark.parametrize(
+    ("query", "parameter"), [("limit=0", "limit"), ("limit=501", "limit"), ("limit=x", "limit")]
+)
+def test_parameters_that_are_not_allowed(api: httpx.Client, query: str, parameter: str) -> None:
+    value = is_problem(api.get(f"/v1/collections?{query}"), 422, "validation_error")
+    assert [(e["parameter"], e["location"]) for e in value["errors"]] == [(parameter, "query")]
+
+
+@pytest.mark.parametrize("path", ["collections", "tasks", "evaluations"])
+def test_a_cursor_that_no_page_gave(api: httpx.Client, path: str) -> None:
+    is_problem(api.get(f"/v1/{path}?cursor=!"), 400, "invalid_cursor")
+
+
+def test_a_name_that_is_taken(api: httpx.Client, shelf: str) -> None:
+    is_problem(api.post("/v1/collections", json={"name": shelf.rsplit("/", maxsplit=1)[-1]}), 409, "collection_exists")
+
+
+def test_what_nobody_expected(api: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise RuntimeError("/secret/path SELECT password")
+
+    monkeypatch.setattr(collection_routes.collections, "list_page", broken)
+    value = is_problem(api.get("/v1/collections"), 500, "internal_error")
+    assert "secret" not in json.dumps(value)
+
+
+def test_a_given_request_id_comes_back(api: httpx.Client) -> None:
+    assert api.get("/livez", headers={"X-Request-ID": "abc-1"}).headers["x-request-id"] == "abc-1"
+    strange = api.get("/livez", headers={"X-Request-ID": "a b\tc"}).headers["x-request-id"]
+    assert re.fullmatch(r"[0-9a-f-]{36}", strange)
