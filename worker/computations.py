@@ -6,6 +6,7 @@ callback, and returns a small JSON answer. Whatever it writes can be read back w
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import itertools
 import json
@@ -29,23 +30,30 @@ def describe(
 ) -> dict[str, Any]:
     """Read the mesh in ``source`` and walk the pipeline.
 
-    arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description``; ``cleaned``
-    and ``denoised`` (PLY, the latter with the field as ``phi2``) where they are asked for.
+    arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description`` (a saved
+    Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY,
+    the latter with the field as ``phi2``).
     """
     from reebase import pipeline
-    from reebase.mesh import read, write
+    from reebase.mesh.read import Limits
+    from reebase.mesh.write import to_bytes
 
-    progress("read", 0.0)
-    mesh = read.read(source.read(), arguments["format"], limits=read.Limits(**arguments["limits"]))
-    description = pipeline.describe(mesh, pipeline.Profile(**arguments["profile"]), progress=progress)
-    progress("write", 0.95)
+    description = pipeline.describe(
+        source.read(), pipeline.Profile(**arguments["profile"]),
+        format=arguments["format"], limits=Limits(**arguments["limits"]), progress=progress,
+    )  # fmt: skip
+    if outputs.keys() & {"cleaned", "denoised"}:
+        progress("write", 0.95)
     if "cleaned" in outputs:
-        outputs["cleaned"].write(write.to_bytes(description.cleaned, "ply"))
+        outputs["cleaned"].write(to_bytes(description.cleaned, "ply"))
     if "denoised" in outputs:
         scalars = {"phi2": description.field}
-        outputs["denoised"].write(write.to_bytes(description.denoised, "ply", scalars=scalars))
-    description.save(outputs["description"])
-    return {"seconds": description.seconds}
+        outputs["denoised"].write(to_bytes(description.denoised, "ply", scalars=scalars))
+    # The meshes have just been written, where they are wanted at all.
+    none = Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
+    numbers = dataclasses.replace(description, cleaned=none, denoised=none, field=np.empty(0))
+    numbers.save(outputs["description"])
+    return {}
 
 
 def evaluate(
@@ -58,18 +66,31 @@ def evaluate(
     """
     from reebase.evaluation import matrix, measures
 
-    progress("matrix", 0.0)
     with np.load(io.BytesIO(source.read()), allow_pickle=False) as stacked:
         features, offsets = stacked["features"], stacked["offsets"]
     shapes = [features[start:end] for start, end in itertools.pairwise(offsets)]
-    dissimilarities = matrix.dissimilarity_matrix(shapes, arguments["measure"])
-    progress("measures", 0.5)
+    dissimilarities = matrix.dissimilarity_matrix(
+        shapes, arguments["measure"], progress=lambda fraction: progress("matrix", 0.9 * fraction)
+    )
+    progress("measures", 0.9)
     evaluation = measures.evaluate(
         dissimilarities, arguments["labels"], arguments["names"],
         bootstrap=arguments["bootstrap"], seed=arguments["seed"],
     )  # fmt: skip
     outputs["report"].write(json.dumps(evaluation.to_json()).encode())
     np.save(outputs["matrix"], dissimilarities, allow_pickle=False)
+    return {}
+
+
+def synthesise(
+    arguments: dict[str, Any], _: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
+) -> dict[str, Any]:
+    """One shape of the synthetic set; arguments as those of ``synthetic_shape``. outputs: ``mesh`` (PLY)."""
+    from reebase.evaluation.synthetic import synthetic_shape
+    from reebase.mesh.write import to_bytes
+
+    progress("synthesise", 0.0)
+    outputs["mesh"].write(to_bytes(synthetic_shape(**arguments).mesh, "ply"))
     return {}
 
 
@@ -82,24 +103,28 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
     return {"network": True}
 
 
-COMPUTATIONS: dict[str, Computation] = {"describe": describe, "evaluate": evaluate, "probe": probe}
+COMPUTATIONS: dict[str, Computation] = {
+    "describe": describe, "evaluate": evaluate, "probe": probe, "synthesise": synthesise,
+}  # fmt: skip
 
 
 def warm() -> None:
     """Walk every computation once on small meshes, so that all modules are imported and all kernels ready."""
     from reebase import pipeline
     from reebase import warm as kernels
-    from reebase.mesh import write
+    from reebase.evaluation.synthetic import CLASSES
+    from reebase.mesh.write import to_bytes
 
     kernels.warm()
-    sample = kernels.sample()
     profile = pipeline.Profile().to_json()
+    made = io.BytesIO()
+    synthesise({"label": CLASSES[0], "index": 0, "vertices": 1000}, io.BytesIO(), {"mesh": made}, _silent)
     # A mesh in each format loads its reader; the last has an edge of four faces, for the operator of such.
-    for mesh, name in [*((sample, name) for name in _FORMATS), (_two_tetrahedra(), "ply")]:
+    for mesh, format in [*((kernels.sample(), format) for format in _FORMATS), (_two_tetrahedra(), "ply")]:
         outputs = {name: io.BytesIO() for name in ("description", "cleaned", "denoised")}
         try:
-            source = io.BytesIO(write.to_bytes(mesh, name))
-            describe({"format": name, "limits": {}, "profile": profile}, source, outputs, _silent)
+            source = io.BytesIO(to_bytes(mesh, format))
+            describe({"format": format, "limits": {}, "profile": profile}, source, outputs, _silent)
         except (MissingPackage, MeshError):
             continue  # what is not installed, or refused, needs no warming
     stacked = io.BytesIO()
@@ -107,13 +132,11 @@ def warm() -> None:
     stacked.seek(0)
     labelled = {"labels": ["a", "a", "b", "b"], "names": ["0", "1", "2", "3"]}
     outputs = {name: io.BytesIO() for name in ("report", "matrix")}
-    evaluate(
-        {**labelled, "measure": "matching", "bootstrap": 2, "seed": 0}, stacked, outputs, _silent
-    )
+    evaluate({**labelled, "measure": "matching", "bootstrap": 2, "seed": 0}, stacked, outputs, _silent)
 
 
 _FORMATS = ("ply", "obj", "off", "stl", "glb")
-_SOME_FEATURES = np.array([[0.5, 0.5, 0.5], [-0.5, -0.5, -0.5]])
+_SOME_FEATURES = np.array([[0.5, 0.3, 0.2], [0.5, 0.4, 0.6]])
 
 
 def _silent(_: str, __: float) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import functools
 import os
 import resource
 import signal
@@ -17,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-__all__ = ["ChildLimits", "Guard", "apply", "die_with_parent", "native_threads", "release_reserve"]
+__all__ = ["ChildLimits", "Guard", "apply", "die_with_parent", "native_threads", "prepare", "release_reserve"]
 
 _PR_SET_PDEATHSIG = 1
 _CLONE_THREAD = 0x10000
@@ -49,6 +50,17 @@ class Guard:
     name: str
     on: bool
     note: str
+
+
+@functools.cache
+def prepare() -> Any:
+    """Load the library that ``apply`` needs, before a fork: finding it runs another program, which takes long.
+
+    Raises ImportError, RuntimeError or OSError where it is missing.
+    """
+    import pyseccomp
+
+    return pyseccomp
 
 
 def apply(limits: ChildLimits, parent: int) -> tuple[Guard, ...]:
@@ -158,7 +170,7 @@ def _filter_system_calls() -> Guard:
     if not sys.platform.startswith("linux"):
         return Guard(name, False, f"{sys.platform} has no seccomp")
     try:
-        import pyseccomp as seccomp
+        seccomp = prepare()
     except (ImportError, RuntimeError, OSError) as error:
         return Guard(name, False, f"libseccomp cannot be loaded: {error}")
     try:
@@ -172,8 +184,7 @@ def _filter_system_calls() -> Guard:
         for call in ("kill", "tgkill"):
             rules.add_rule(refuse, call, seccomp.Arg(0, seccomp.NE, os.getpid()))
         rules.add_rule(refuse, "clone", seccomp.Arg(0, seccomp.MASKED_EQ, _CLONE_THREAD, 0))
-        # Its flags lie behind a pointer that a filter cannot follow; told "unknown", the C library takes
-        # clone.
+        # A filter cannot follow the pointer to its flags; told "unknown", the C library takes clone.
         rules.add_rule(seccomp.ERRNO(errno.ENOSYS), "clone3")
         rules.load()
     except OSError as error:

@@ -61,23 +61,28 @@ class Sandbox:
         """Process id of the child at work, None when there is none."""
         return self._zygote.child if self._zygote else None
 
-    def start(self, tick: Tick | None = None) -> None:
-        """Start the zygote unless it lives, wait until it is warm, and learn which guards are on.
+    def launch(self) -> Zygote:
+        """Start the zygote unless it lives, without waiting until it is warm."""
+        if self._zygote is None or self._zygote.process.poll() is not None:
+            self.close()
+            self._zygote = Zygote.launch(self._computations)
+        return self._zygote
 
-        tick: called about ten times a second meanwhile; what it raises ends the wait. Raises
-        SandboxError.
+    def start(self, tick: Tick | None = None) -> Zygote:
+        """Wait for a warm zygote, launching one unless it lives, and learn which guards are on.
+
+        tick: called about ten times a second meanwhile; what it raises ends the wait. Raises SandboxError.
         """
-        if self._zygote is not None and self._zygote.process.poll() is None:
-            return
-        self.close()
         try:
-            self._zygote = Zygote.start(self._computations, tick)
+            zygote = self.launch()
+            zygote.await_warm(tick)
             if not self.guards:
-                with self.run("probe", {}, tick=tick) as finished:
+                with self._run(zygote, "probe", {}, tick=tick) as finished:
                     self.guards = tuple(Guard(**guard) for guard in finished.answer["guards"])
         except BaseException:
             self.close()
             raise
+        return zygote
 
     def close(self) -> None:
         """End the zygote and whatever child it has."""
@@ -99,12 +104,24 @@ class Sandbox:
         """Run a computation by its name in ``worker.computations``; the files live as long as the context.
 
         source: an open file at its start, or bytes. progress: called with stage and fraction. tick: called
-        about ten times a second; what it raises kills the child and goes on to the caller. Raises
-        ChildError, SandboxError.
+        about ten times a second; what it raises kills the child and goes on to the caller.
+        Raises ChildError, SandboxError.
         """
-        self.start(tick)
-        if self._zygote is None:
-            raise SandboxError("The sandbox was closed while it started.")
+        zygote = self.start(tick)
+        with self._run(zygote, computation, arguments, source, outputs, progress, tick) as finished:
+            yield finished
+
+    @contextlib.contextmanager
+    def _run(
+        self,
+        zygote: Zygote,
+        computation: str,
+        arguments: dict[str, Any],
+        source: BinaryIO | bytes = b"",
+        outputs: Sequence[str] = (),
+        progress: Progress | None = None,
+        tick: Tick | None = None,
+    ) -> Iterator[Finished]:
         with ExitStack() as stack:
             if isinstance(source, bytes):
                 held: BinaryIO = stack.enter_context(tempfile.TemporaryFile())
@@ -118,7 +135,7 @@ class Sandbox:
             job = {"job": computation, "arguments": arguments, "limits": limits, "outputs": [*files]}
             descriptors = [source.fileno(), *(file.fileno() for file in files.values())]
             kills = kills_for_memory()
-            end = Exchange(self._zygote, self.limits, progress, tick).run(job, descriptors)
+            end = Exchange(zygote, self.limits, progress, tick).run(job, descriptors)
             answer = judge(end, self.limits, killed_for_memory=kills_for_memory() > kills)
             for file in files.values():
                 file.seek(0)

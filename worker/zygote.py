@@ -24,7 +24,7 @@ import threading
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from typing import Any, NoReturn
 
@@ -49,6 +49,8 @@ def main(descriptor: int, parent: int, module: str) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     with socket.socket(fileno=descriptor) as control:
         began = time.monotonic()
+        with suppress(ImportError, RuntimeError, OSError):
+            guards.prepare()
         computations = importlib.import_module(module)
         computations.warm()
         threads = max(threading.active_count(), guards.native_threads() or 1)
@@ -152,7 +154,7 @@ class _Messages:
         faults.point(f"child.{stage}")
 
 
-def _run(
+def _run(  # noqa: PLR0911 - one line a way to end
     message: dict[str, Any],
     source: int,
     results: list[int],
@@ -161,7 +163,8 @@ def _run(
     applied: Sequence[guards.Guard],
 ) -> dict[str, Any]:
     try:
-        faults.point("child.start")
+        if message["job"] != "probe":
+            faults.point("child.start")
         with ExitStack() as stack:
             data = stack.enter_context(os.fdopen(source, "rb"))
             files = {
@@ -169,9 +172,9 @@ def _run(
                 for name, descriptor in zip(message["outputs"], results, strict=True)
             }
             answer = computations[message["job"]](message["arguments"], data, files, messages.progress)
-        faults.point("child.end")
         if message["job"] == "probe":
-            answer = {**answer, "guards": [asdict(guard) for guard in applied]}
+            return {"done": {**answer, "guards": [asdict(guard) for guard in applied]}}
+        faults.point("child.end")
         return {"done": answer}
     except ReebaseError as error:
         return {"error": error.code, "detail": {"message": error.message, **error.details}}

@@ -1,0 +1,80 @@
+"""``python -m worker [--once] [--name NAME]``: do background tasks until told to stop.
+
+Exit status: 0 when it was told to stop, or found nothing more to do with ``--once``; 1 when it cannot work,
+with the reason in the log. SIGTERM and SIGINT let what runs go on for the grace period, then put it back
+into the queue; a second signal does so at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import signal
+import sys
+
+from worker.sandbox import Sandbox, SandboxError
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one worker; the return value is the exit status."""
+    parser = argparse.ArgumentParser(prog="reebase worker", description="Do background tasks.")
+    parser.add_argument("--once", action="store_true", help="stop when no task is waiting")
+    parser.add_argument("--name", help="how the worker is called in logs and tasks (default: host:pid)")
+    parser.add_argument("--grace", type=float, default=5.0, metavar="SECONDS",
+                        help="how long what runs may go on after SIGTERM (default: 5)")  # fmt: skip
+    chosen = parser.parse_args(arguments)
+    sandbox = Sandbox()
+    try:
+        return _run(chosen, sandbox)
+    finally:
+        sandbox.close()
+
+
+def _run(chosen: argparse.Namespace, sandbox: Sandbox) -> int:
+    # Two processes have much to import; the zygote begins while this one still does.
+    sandbox.launch()
+    import structlog
+
+    from reebase.errors import ReebaseError
+    from store.settings import Settings
+    from worker.claim import Stop, StoppedError
+    from worker.main import Worker, await_schema
+
+    _configure_logs()
+    log = structlog.get_logger("worker")
+    # Whoever starts workers may hand them a pipe as standard input, which is at its end once it has died.
+    lifeline = sys.stdin.fileno() if os.environ.get("REEBASE_LIFELINE") else None
+    stop = Stop(chosen.grace, lifeline)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.request())
+    try:
+        settings = Settings()
+        await_schema(settings.database_url, stop)
+        with Worker(settings, chosen.name, stop, sandbox) as worker:
+            worker.run(once=chosen.once)
+    except StoppedError:
+        return 0
+    except (ReebaseError, SandboxError, OSError) as error:
+        log.error("cannot_work", error=str(error))
+        return 1
+    return 0
+
+
+def _configure_logs() -> None:
+    import structlog
+
+    structlog.configure(
+        processors=[
+            structlog.stdlib.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.format_exc_info,
+            structlog.processors.JSONRenderer(),
+        ],
+        logger_factory=structlog.WriteLoggerFactory(file=sys.stderr),
+    )
+    logging.basicConfig(stream=sys.stderr, level=logging.WARNING)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

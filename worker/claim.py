@@ -1,0 +1,97 @@
+"""The claim of a worker on a task: kept by heartbeats, given up for a cancellation or a stop."""
+
+from __future__ import annotations
+
+import os
+import select
+import time
+from dataclasses import dataclass, field
+
+import structlog
+
+from store.errors import StoreBusy
+from store.records import Task
+from store.tasks import TaskQueue
+
+__all__ = ["CancelledError", "Claim", "LostError", "Stop", "StoppedError"]
+
+_MOST_BETWEEN_HEARTBEATS = 0.5  # seconds; progress is seen, and a cancellation obeyed, within this time
+
+_log = structlog.get_logger("worker")
+
+
+class CancelledError(Exception):
+    """Somebody cancelled the task."""
+
+
+class LostError(Exception):
+    """The claim is over: the lease ended and the task is another worker's, or its shape was deleted."""
+
+
+class StoppedError(Exception):
+    """The worker was told to stop and the grace for what it runs is over."""
+
+
+@dataclass
+class Stop:
+    """Whether the worker was told to stop: by a signal, or because whoever holds its lifeline is gone.
+
+    grace_seconds: how long what runs may go on after that. lifeline: a descriptor that is at its end once
+    the process that started this worker has died, None when there is none.
+    """
+
+    grace_seconds: float = 5.0
+    lifeline: int | None = None
+    since: float | None = None
+
+    def request(self) -> None:
+        """The first time begins the grace; the second ends it."""
+        self.since = time.monotonic() if self.since is None else float("-inf")
+
+    @property
+    def requested(self) -> bool:
+        if self.since is None and self.lifeline is not None:
+            readable, _, _ = select.select([self.lifeline], [], [], 0)
+            if readable and not os.read(self.lifeline, 1):
+                self.request()
+        return self.since is not None
+
+    @property
+    def overdue(self) -> bool:
+        return self.requested and time.monotonic() - (self.since or 0.0) > self.grace_seconds
+
+
+@dataclass
+class Claim:
+    """A task, and how far it is. ``progress`` and ``tick`` are what a sandbox calls while a child works."""
+
+    task: Task
+    queue: TaskQueue
+    stop: Stop
+    lease_seconds: float
+    stage: str | None = None
+    fraction: float = 0.0
+    _beaten: float = field(default_factory=time.monotonic)
+
+    def progress(self, stage: str, fraction: float) -> None:
+        """The stage that begins and the fraction of the whole that is done; the next heartbeat writes it."""
+        self.stage, self.fraction = stage, fraction
+
+    def tick(self) -> None:
+        """Send a heartbeat when one is due. Raises CancelledError, LostError, StoppedError."""
+        if self.stop.overdue:
+            raise StoppedError
+        now = time.monotonic()
+        if now - self._beaten < min(self.lease_seconds / 3, _MOST_BETWEEN_HEARTBEATS):
+            return
+        self._beaten = now
+        try:
+            answer = self.queue.heartbeat(self.task, self.stage, self.fraction)
+        except StoreBusy as error:
+            # The lease is several heartbeats long; if none gets through, the claim is lost by itself.
+            _log.warning("heartbeat_failed", task=self.task.id, error=error.message)
+            return
+        if answer == "cancel":
+            raise CancelledError
+        if answer == "lost":
+            raise LostError

@@ -1,0 +1,31 @@
+"""Describe a shape: its bytes through the pipeline in a child, the meshes to blobs, the numbers to rows."""
+
+from __future__ import annotations
+
+from reebase.pipeline import Description
+from store import collections, faults, results, shapes
+from worker.claim import Claim, LostError
+from worker.tools import Tools, pieces
+
+__all__ = ["run"]
+
+
+def run(tools: Tools, claim: Claim) -> None:
+    """Raises LostError when the shape is gone, and what ``Tools.described`` and the store raise."""
+    task = claim.task
+    if task.collection_id is None or task.shape_id is None:
+        raise LostError
+    with tools.database.read() as conn:
+        collection = collections.by_id(conn, task.collection_id)
+        shape = shapes.get(conn, task.collection_id, task.shape_id)
+    with tools.described(
+        claim, shape.sha256, collection.profile, format=shape.format, outputs=("cleaned", "denoised")
+    ) as finished:
+        faults.point("worker.child_done")
+        description = Description.load(finished.files["description"])
+        cleaned = tools.blobs.put_if_absent(pieces(finished.files["cleaned"]))
+        denoised = tools.blobs.put_if_absent(pieces(finished.files["denoised"]))
+    faults.point("worker.blobs_stored")
+    with tools.database.write() as conn:
+        results.store_description(conn, task, description, cleaned_sha256=cleaned, denoised_sha256=denoised)
+    faults.point("worker.rows_committed")
