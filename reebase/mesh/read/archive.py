@@ -59,7 +59,7 @@ class Archive:
                     self._limits.check_expanded(self._inflated)
                     parts.append(part)
         except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, NotImplementedError) as error:
-            raise FormatError(f"The archive's file {name[:80]!r} is damaged ({error}).") from None
+            raise FormatError(f"The archive's file {name[:80]!r} is damaged ({str(error)[:80]}).") from None
         except RuntimeError:
             raise UnsupportedFeature("The archive is encrypted.") from None
         return b"".join(parts)

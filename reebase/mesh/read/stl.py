@@ -19,6 +19,7 @@ __all__ = ["is_text", "looks_like_text_stl", "read_stl"]
 HEADER = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _LOOP = re.compile(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)|(?<!\S)(endloop)(?!\S)")
+_OPENED = re.compile(rb"(?<!\S)facet(\s+normal(\s|\Z)|(\s+\S*)?\Z)")
 
 
 def read_stl(data: bytes, limits: Limits) -> Mesh:
@@ -89,8 +90,8 @@ def _text(data: bytes, limits: Limits) -> Mesh:
         limits.check_vertices(found)
         limits.check_faces(len(sizes))
         tail = re.split(rb"(?i)(?<!\S)endfacet(?!\S)", text[start:end])[-1].strip().lower()
-        complete = tail.startswith((b"endsolid", b"solid")) or b"endsolid".startswith(tail)
-        if len(values) != closed or not complete:
+        known = tail.startswith((b"endsolid", b"solid")) or b"endsolid".startswith(tail)
+        if len(values) != closed or not known or _OPENED.search(tail):
             raise TruncatedFile("The text STL ends in the middle of a facet.", facets=len(sizes))
         vertices.append(_positions(values, text, start))
     if not sizes:
