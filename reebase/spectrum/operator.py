@@ -10,7 +10,7 @@ the weights are those of the intrinsic Delaunay triangulation of the tufted cove
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -70,12 +70,17 @@ def operator(mesh: Mesh, kind: str = "auto") -> Operator:
     """
     if kind not in KINDS:
         raise unknown_name("operator", kind, KINDS)
-    mass = mixed_voronoi(mesh)
-    if not mass.sum() > 0.0:
-        raise DegenerateMesh("The mesh has no area, so it has no Laplace-Beltrami operator.")
+    triangles = _triangles(mesh)
+    mass = _mixed_voronoi(mesh, triangles)
+    area = float(mass.sum())
+    if not 0.0 < area < np.inf:
+        raise DegenerateMesh(
+            f"The area of the mesh comes to {area}, so it has no Laplace-Beltrami operator.", area=str(area)
+        )
     if kind == "auto":
-        kind = "tufted" if badly_shaped(mesh).any() or len(non_manifold_edges(mesh)) else "cotangent"
-    C = stiffness(mesh) if kind == "cotangent" else _tufted_stiffness(mesh)
+        needed = _badly_shaped(triangles).any() or len(non_manifold_edges(mesh))
+        kind = "tufted" if needed else "cotangent"
+    C = _stiffness(mesh, triangles) if kind == "cotangent" else _tufted_stiffness(mesh)
     return Operator(C, mass, kind)
 
 
@@ -88,11 +93,7 @@ def stiffness(mesh: Mesh) -> csr_matrix:
     four times its area, which stays positive semi-definite whatever the area is held to be.
     Raises NoFaces.
     """
-    _require_faces(mesh)
-    gram, double_area, longest = _triangle_products(mesh)
-    floor = np.maximum(FLAT * longest**2, np.finfo(np.float64).tiny)
-    weights = 0.5 * gram / np.maximum(double_area, floor)[:, None]
-    return _laplacian(len(mesh.vertices), mesh.faces, weights)
+    return _stiffness(mesh, _triangles(mesh))
 
 
 def mixed_voronoi(mesh: Mesh) -> npt.NDArray[np.float64]:
@@ -102,24 +103,15 @@ def mixed_voronoi(mesh: Mesh) -> npt.NDArray[np.float64]:
     corner i; one with an obtuse angle gives half of its area to that corner and a quarter to each other.
     Raises NoFaces.
     """
-    _require_faces(mesh)
-    gram, double_area, _ = _triangle_products(mesh)
-    # |e_j|^2 = gram_k + gram_i and so on: the products at its two ends sum to the squared length of an edge.
-    squared = gram[:, (1, 2, 0)] + gram[:, (2, 0, 1)]
-    shares = squared * gram
-    with np.errstate(divide="ignore", invalid="ignore"):
-        voronoi = (shares[:, (1, 2, 0)] + shares[:, (2, 0, 1)]) / (8.0 * double_area)[:, None]
-    mixed = np.where(gram < 0.0, 0.25, 0.125) * double_area[:, None]
-    cells = np.where(gram.min(axis=1, keepdims=True) < 0.0, mixed, voronoi)
-    cells[double_area == 0.0] = 0.0
-    summed = np.bincount(mesh.faces.ravel(), cells.ravel(), minlength=len(mesh.vertices))
-    return np.asarray(summed, dtype=np.float64)
+    return _mixed_voronoi(mesh, _triangles(mesh))
 
 
 def badly_shaped(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """Which triangles are nearly degenerate: height below ``THIN`` of the longest edge, bool, (n,)."""
-    _, double_area, longest = _triangle_products(mesh)
-    return np.asarray(double_area <= THIN * longest**2)
+    """Which triangles are nearly degenerate: height below ``THIN`` of the longest edge, bool, (n,).
+
+    Raises NoFaces.
+    """
+    return _badly_shaped(_triangles(mesh))
 
 
 def non_manifold_edges(mesh: Mesh) -> npt.NDArray[np.int64]:
@@ -132,27 +124,54 @@ def non_manifold_edges(mesh: Mesh) -> npt.NDArray[np.int64]:
     return np.stack(np.divmod(crowded, len(mesh.vertices)), axis=1)
 
 
-def _require_faces(mesh: Mesh) -> None:
-    if not len(mesh.faces):
-        raise NoFaces("The mesh has no faces, so it has no surface to build an operator on.")
-
-
-def _triangle_products(
-    mesh: Mesh,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Per triangle: dot product of the two edges that leave each corner (n, 3), twice the area, longest edge.
+class _Triangles(NamedTuple):
+    """Dot product of the two edges that leave each corner (n, 3), twice the area (n,), longest edge squared (n,).
 
     The cotangent at a corner is its dot product over twice the area.
     """
+
+    gram: npt.NDArray[np.float64]
+    double_area: npt.NDArray[np.float64]
+    longest_squared: npt.NDArray[np.float64]
+
+
+def _triangles(mesh: Mesh) -> _Triangles:
+    if not len(mesh.faces):
+        raise NoFaces("The mesh has no faces, so it has no surface to build an operator on.")
     corners = mesh.vertices[mesh.faces]
     edges = corners[:, (2, 0, 1)] - corners[:, (1, 2, 0)]  # edges[:, i] lies opposite corner i
-    gram = -np.einsum("nij,nij->ni", edges[:, (1, 2, 0)], edges[:, (2, 0, 1)])
-    squared = np.einsum("nij,nij->ni", edges, edges)
-    # The cross product of the two shortest edges is the least cancelled one.
-    first = (np.argmax(squared, axis=1) + 1) % 3
-    row = np.arange(len(edges))
-    double_area = np.linalg.norm(np.cross(edges[row, first], edges[row, (first + 1) % 3]), axis=1)
-    return gram, double_area, np.sqrt(squared.max(axis=1, initial=0.0))
+    with np.errstate(over="ignore", invalid="ignore"):  # `operator` refuses an area that is not finite
+        gram = -np.einsum("nij,nij->ni", edges[:, (1, 2, 0)], edges[:, (2, 0, 1)])
+        squared = np.einsum("nij,nij->ni", edges, edges)
+        # The cross product of the two shortest edges is the least cancelled one.
+        first = (np.argmax(squared, axis=1) + 1) % 3
+        row = np.arange(len(edges))
+        double_area = np.linalg.norm(np.cross(edges[row, first], edges[row, (first + 1) % 3]), axis=1)
+    return _Triangles(gram, double_area, squared.max(axis=1))
+
+
+def _stiffness(mesh: Mesh, triangles: _Triangles) -> csr_matrix:
+    floor = np.maximum(FLAT * triangles.longest_squared, np.finfo(np.float64).tiny)
+    weights = 0.5 * triangles.gram / np.maximum(triangles.double_area, floor)[:, None]
+    return _laplacian(len(mesh.vertices), mesh.faces, weights)
+
+
+def _mixed_voronoi(mesh: Mesh, triangles: _Triangles) -> npt.NDArray[np.float64]:
+    gram, double_area, _ = triangles
+    # |e_j|^2 = gram_k + gram_i and so on: the products at its two ends sum to the squared length of an edge.
+    squared = gram[:, (1, 2, 0)] + gram[:, (2, 0, 1)]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        shares = squared * gram
+        voronoi = (shares[:, (1, 2, 0)] + shares[:, (2, 0, 1)]) / (8.0 * double_area)[:, None]
+    mixed = np.where(gram < 0.0, 0.25, 0.125) * double_area[:, None]
+    cells = np.where(gram.min(axis=1, keepdims=True) < 0.0, mixed, voronoi)
+    cells[double_area == 0.0] = 0.0
+    summed = np.bincount(mesh.faces.ravel(), cells.ravel(), minlength=len(mesh.vertices))
+    return np.asarray(summed, dtype=np.float64)
+
+
+def _badly_shaped(triangles: _Triangles) -> npt.NDArray[np.bool_]:
+    return np.asarray(triangles.double_area <= THIN * triangles.longest_squared)
 
 
 def _edge_keys(
@@ -195,7 +214,6 @@ def _tufted_stiffness(mesh: Mesh) -> csr_matrix:
         ) from None  # fmt: skip
     from scipy.sparse import csr_matrix
 
-    _require_faces(mesh)
     try:
         C = csr_matrix(robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)[0])
     except RuntimeError as error:

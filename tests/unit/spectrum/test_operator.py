@@ -134,6 +134,8 @@ def test_refuses_what_has_no_surface():
         operator(Mesh(np.zeros((3, 3)), np.empty((0, 3), int)))
     with pytest.raises(DegenerateMesh):
         operator(Mesh(np.zeros((3, 3)), [[0, 1, 2]]))
+    with pytest.raises(DegenerateMesh, match="area"):
+        operator(moved(cube(), scale=1e200))
     with pytest.raises(UnknownName, match="cotangent"):
         operator(cube(), "graph")
 
