@@ -26,7 +26,9 @@ Port = Annotated[int, typer.Option(help="0 for any free one.", min=0, max=65535,
 
 def extend(app: typer.Typer) -> None:
     """Add the application's commands to the library's."""
-    for command in (serve, worker, migrate, backup, restore):
+    from service.demo import demo
+
+    for command in (serve, demo, worker, migrate, backup, restore):
         # `worker` hands its options on to `python -m worker`, which knows them.
         handed_on = {"allow_extra_args": True, "ignore_unknown_options": True} if command is worker else None
         app.command(context_settings=handed_on)(command)
