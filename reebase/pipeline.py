@@ -239,7 +239,7 @@ def _late_flags(
         "single_node": len(skeleton.positions) == 1,
         "no_endpoints": len(skeleton.endpoints) == 0,
         "no_path_lengths": len(skeleton.endpoints) > 0 and len(features) == 0,
-        "badly_shaped_triangles": used.kind == "tufted",
+        "tufted_operator": used.kind == "tufted",
     }
     return [flag for flag, is_so in noticed.items() if is_so]
 

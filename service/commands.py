@@ -58,11 +58,15 @@ def _print(text: str) -> None:
 
 
 def _opened(settings: ServiceSettings) -> Database:
+    from store import collections
     from store import migrate as migrations
     from store.engine import Database
 
     migrations.upgrade(settings.database_url)
-    return Database(settings.database_url)
+    database = Database(settings.database_url)
+    with database.write() as conn:
+        collections.renew_profiles(conn)
+    return database
 
 
 def _listen(host: str, port: int) -> socket.socket:

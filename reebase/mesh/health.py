@@ -11,15 +11,14 @@ __all__ = ["FLAGS", "Health"]
 FLAGS: dict[str, str] = {
     "several_components": "The surface has several separate parts; the skeleton is that of the largest by area.",
     "open_surface": "The surface has a boundary; it is indexed as it is, with free (Neumann) boundaries.",
-    "non_manifold": "Some edges have more than two faces, or faces disagree on their orientation; "
-    "the operator was built on the tufted cover.",
+    "non_manifold": "Some edges have more than two faces, or faces disagree on their orientation.",
     "near_degenerate_eigenvalues": "The second and third eigenvalues are within 5 %: the shape is nearly symmetric and "
     "its skeleton may change when it is remeshed.",
     "no_endpoints": "The Reeb graph has no endpoint, so the shape matches only others without endpoints.",
     "single_node": "The Reeb graph is a single node: the scalar field is constant.",
     "no_path_lengths": "All distances from the root node are zero, so no features could be formed.",
-    "badly_shaped_triangles": "Some triangles are nearly degenerate; "
-    "the operator was built on their intrinsic Delaunay triangulation.",
+    "tufted_operator": "Because of non-manifold edges or nearly degenerate triangles, the operator was built on the "
+    "intrinsic Delaunay triangulation of the tufted cover.",
 }
 """Every flag a health report can carry, in plain words for people."""
 
