@@ -216,7 +216,7 @@ def test_host_name(header: str, name: str) -> None:
 
 @pytest.mark.parametrize(
     ("host", "loopback"),
-    [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False),
+    [("127.0.0.1", True), ("127.1.2.3", True), ("::1", True), ("localhost", True), ("0.0.0.0", False),  # noqa: S104
      ("::", False), ("192.168.1.5", False), ("reebase.example", False)],
 )  # fmt: skip
 def test_who_needs_a_key(tmp_path: Path, host: str, loopback: bool) -> None:
