@@ -159,7 +159,7 @@ def report(
     areas, _, _, volumes = triangle_measures(unit, faces, np.zeros(len(faces), dtype=np.int32)).T
     area = float(areas.sum())
     components, component = joined.components
-    share = float(np.bincount(component, weights=areas).max() / area)
+    share = min(1.0, float(np.bincount(component, weights=areas).max()) / area)
     fan_count, fan = joined.fans
     vertex_of_fan = np.empty(fan_count, dtype=np.int32)
     vertex_of_fan[fan] = faces.ravel()
