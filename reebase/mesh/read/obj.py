@@ -12,9 +12,15 @@ from reebase.errors import FaceIndexOutOfRange, FormatError, NoFaces
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
-from reebase.mesh.read.text import integers, lenient_float, pieces, plain_text, quoted, without_comments
+from reebase.mesh.read.text import integers, lenient_float, pieces, plain_text, quoted, rectangle, without_comments
 
 __all__ = ["read_obj"]
+
+Ints = npt.NDArray[np.int64]
+
+_VERTEX = (b"v ", b"v\t")
+_FACE = (b"f ", b"f\t", b"fo ", b"fo\t")
+_SLASHED = re.compile(rb"/\S*")
 
 
 def read_obj(data: bytes, limits: Limits) -> Mesh:
@@ -32,17 +38,16 @@ def read_obj(data: bytes, limits: Limits) -> Mesh:
     sizes: list[npt.NDArray[np.int64]] = []
     vertex_count = face_count = 0
     for start, piece in pieces(text, b"\r\n" if b"\r" in text and b"\n" not in text else b"\n"):
-        rows = [line.split() for line in piece.splitlines()]
-        at_vertex = [i for i, row in enumerate(rows) if row and row[0] == b"v"]
-        at_face = [i for i, row in enumerate(rows) if row and row[0] in (b"f", b"fo")]
+        lines = [line.strip() for line in piece.splitlines()]
+        at_vertex = [i for i, line in enumerate(lines) if line.startswith(_VERTEX)]
+        at_face = [i for i, line in enumerate(lines) if line.startswith(_FACE)]
         if at_vertex:
             limits.check_vertices(vertex_count + len(at_vertex))
-            vertices.append(_positions(rows, at_vertex, text, start))
+            vertices.append(_positions(lines, at_vertex, text, start))
         if at_face:
-            some_sizes = np.fromiter((len(rows[i]) - 1 for i in at_face), np.int64, len(at_face))
+            some, some_sizes = _corners(lines, at_face, text, start)
             face_count += int(np.maximum(some_sizes - 2, 0).sum())
             limits.check_faces(face_count)
-            some = _corners(rows, at_face, text, start)
             if (some <= 0).any():
                 before = vertex_count + np.searchsorted(at_vertex, at_face)
                 some = _absolute(some, np.repeat(before, some_sizes))
@@ -57,40 +62,48 @@ def read_obj(data: bytes, limits: Limits) -> Mesh:
     return build(positions, np.concatenate(corners), np.concatenate(sizes), limits, base=1)
 
 
-def _positions(rows: list[list[bytes]], at: list[int], text: bytes, start: int) -> npt.NDArray[np.float64]:
-    chosen = [rows[i][1:4] for i in at]
+def _positions(lines: list[bytes], at: list[int], text: bytes, start: int) -> npt.NDArray[np.float64]:
+    """Vertices of the given lines, shape (len(at), 3)."""
+    even = rectangle([lines[i] for i in at])
     try:
-        flat = np.fromiter(map(float, chain.from_iterable(chosen)), np.float64)
-        if len(flat) == 3 * len(at) and all(len(row) == 3 for row in chosen):
-            return flat.reshape(-1, 3)
+        if even is not None and even[1] >= 4:
+            tokens, width = even
+            columns = [np.fromiter(map(float, tokens[axis::width]), np.float64) for axis in (1, 2, 3)]
+            return np.stack(columns, axis=1)
     except ValueError:
         pass
-    for i, row in zip(at, chosen, strict=True):
-        if len(row) < 2:
-            raise FormatError(f"OBJ: the vertex in {_line(text, start, i)} has {len(row)} coordinates.")
-        for token in row:
+    rows = np.zeros((len(at), 3))  # drawings in the plane leave out z
+    for row, i in enumerate(at):
+        tokens = lines[i].split()[1:4]
+        if len(tokens) < 2:
+            raise FormatError(f"OBJ: the vertex in {_line(text, start, i)} has {len(tokens)} coordinates.")
+        for axis, token in enumerate(tokens):
             try:
-                lenient_float(token)
+                rows[row, axis] = lenient_float(token)
             except ValueError:
                 raise FormatError(
                     f"OBJ: {quoted(token)} in {_line(text, start, i)} stands where a coordinate is expected."
                 ) from None
-    # Drawings in the plane leave out z.
-    return np.array([[lenient_float(token) for token in [*row, b"0"][:3]] for row in chosen])
+    return rows
 
 
-def _corners(rows: list[list[bytes]], at: list[int], text: bytes, start: int) -> npt.NDArray[np.int64]:
-    """Vertex numbers as written (from 1, or negative) of the faces in the given rows."""
+def _corners(lines: list[bytes], at: list[int], text: bytes, start: int) -> tuple[Ints, Ints]:
+    """(vertex numbers as written, from 1 or negative; corners of each face) of the given lines."""
+    faces = [lines[i] for i in at]
+    if any(b"/" in face for face in faces):
+        faces = [_SLASHED.sub(b"", face) for face in faces]
+    even = rectangle(faces)
     try:
-        return integers(chain.from_iterable(rows[i][1:] for i in at))
-    except ValueError:
-        pass
-    try:
-        return integers(token.partition(b"/")[0] for i in at for token in rows[i][1:])
+        if even is not None:
+            tokens, width = even
+            del tokens[::width]
+            return integers(tokens), np.full(len(at), width - 1)
+        rows = [face.split()[1:] for face in faces]
+        return integers(chain.from_iterable(rows)), np.fromiter(map(len, rows), np.int64)
     except ValueError:
         pass
     for i in at:
-        for token in rows[i][1:]:
+        for token in lines[i].split()[1:]:
             try:
                 integers([token.partition(b"/")[0]])
             except ValueError:
@@ -100,7 +113,7 @@ def _corners(rows: list[list[bytes]], at: list[int], text: bytes, start: int) ->
     raise FormatError("OBJ: a face has a corner that is not a vertex number.")
 
 
-def _absolute(corners: npt.NDArray[np.int64], before: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _absolute(corners: Ints, before: Ints) -> Ints:
     """Negative numbers count back from the last vertex before the face (-1)."""
     if (corners == 0).any():
         raise FaceIndexOutOfRange("A face refers to vertex 0, but OBJ counts vertices from 1.", vertex=0)

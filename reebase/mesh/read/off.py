@@ -13,13 +13,24 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
 from reebase.mesh.read.records import BinaryCells, Element, Property, TextCells, read_element
-from reebase.mesh.read.text import integers, numbers, plain_text, quoted, without_comments
+from reebase.mesh.read.text import (
+    floats,
+    integers,
+    numbers,
+    plain_text,
+    quoted,
+    rectangle,
+    without_comments,
+)
 
 __all__ = ["HEADER", "read_off"]
 
 HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?(?i:OFF)(?![A-Za-z_])")
 _COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)(?:[ \t]+(\S+))?[ \t]*(?=[\r\n]|\Z)")
 _FREE_COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)\s+(\S+)")
+
+BLOCK = 1 << 16
+"""Lines that are split into tokens at a time."""
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -87,18 +98,48 @@ def _by_line(body: bytes, vertex_count: int, face_count: int) -> tuple[Floats, I
     lines = [line for line in body.splitlines() if line and not line.isspace()]
     if len(lines) < vertex_count + face_count:
         return None
-    rows = [line.split() for line in lines[vertex_count : vertex_count + face_count]]
     try:
-        sizes = integers(row[0] for row in rows)
-        ends = (sizes + 1).tolist()
-        corners = integers(chain.from_iterable(row[1:end] for row, end in zip(rows, ends, strict=True)))
-        flat = numbers(b"\n".join(lines[:vertex_count]), "OFF")
+        positions = _vertex_lines(lines[:vertex_count])
+        faces = _face_lines(lines[vertex_count : vertex_count + face_count])
     except (ValueError, FormatError):
         return None
-    widths = {len(line.split()) for line in lines[:vertex_count]}
-    if (sizes < 0).any() or len(corners) != int(sizes.sum()) or len(widths) > 1 or min(widths, default=3) < 3:
+    return None if positions is None or faces is None else (positions, *faces)
+
+
+def _vertex_lines(lines: list[bytes]) -> Floats | None:
+    """Vertices, all numbers of a line, shape (m, width); None when the lines differ. Raises FormatError."""
+    parts = []
+    for start in range(0, len(lines), BLOCK):
+        even = rectangle(lines[start : start + BLOCK])
+        if even is None or even[1] < 3:
+            return None
+        parts.append(floats(even[0]).reshape(-1, even[1]))
+    if len({part.shape[1] for part in parts}) > 1:
         return None
-    return flat.reshape(vertex_count, -1) if vertex_count else np.zeros((0, 3)), corners, sizes
+    return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+def _face_lines(lines: list[bytes]) -> tuple[Ints, Ints] | None:
+    """(corners, sizes), colours left out; None when a line is too short. Raises ValueError."""
+    corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for start in range(0, len(lines), BLOCK):
+        block = lines[start : start + BLOCK]
+        even = rectangle(block)
+        tokens, width = even or ([], 0)
+        size = int(tokens[0]) if tokens else -1
+        if 0 <= size < width and tokens[::width].count(tokens[0]) == len(block):
+            columns = [integers(tokens[corner::width]) for corner in range(1, size + 1)]
+            corners.append(np.stack(columns, axis=1).ravel() if columns else corners[0])
+            sizes.append(np.full(len(block), size))
+            continue
+        rows = [line.split() for line in block]
+        counts = integers(row[0] for row in rows)
+        if any(not 0 <= count < len(row) for count, row in zip(counts.tolist(), rows, strict=True)):
+            return None
+        ends = (counts + 1).tolist()
+        corners.append(integers(chain.from_iterable(row[1:end] for row, end in zip(rows, ends, strict=True))))
+        sizes.append(counts)
+    return np.concatenate(corners), np.concatenate(sizes)
 
 
 def _free(

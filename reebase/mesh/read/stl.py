@@ -19,7 +19,14 @@ __all__ = ["is_text", "looks_like_text_stl", "read_stl"]
 HEADER = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _LOOP = re.compile(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)|(?<!\S)(endloop)(?!\S)")
-_OPENED = re.compile(rb"(?<!\S)facet(\s+normal(\s|\Z)|(\s+\S*)?\Z)")
+TOKENS = 21
+"""Words and numbers of a facet: facet normal n n n outer loop, three times vertex x y z, endloop endfacet."""
+_LAYOUT = {
+    0: b"facet", 1: b"normal", 5: b"outer", 6: b"loop", 7: b"vertex", 11: b"vertex", 15: b"vertex",
+    19: b"endloop", 20: b"endfacet",
+}  # fmt: skip
+_OPENED = re.compile(rb"(?<!\S)facet\s+normal(\s|\Z)")
+_OPENING = re.compile(rb"(?<!\S)facet(\s+\S*)?\Z")
 
 
 def read_stl(data: bytes, limits: Limits) -> Mesh:
@@ -76,22 +83,14 @@ def _text(data: bytes, limits: Limits) -> Mesh:
     vertices: list[npt.NDArray[np.float64]] = []
     sizes: list[int] = []
     found = 0
-    tail = b""
     for start, end in _spans(text):
-        values: list[bytes] = []
-        closed = 0
-        for x, y, z, ended in _LOOP.findall(text[start:end].lower()):
-            if ended:
-                sizes.append((len(values) - closed) // 3)
-                closed = len(values)
-            else:
-                values += (x, y, z)
+        piece = text[start:end].lower()
+        values, some_sizes = _regular(piece) or _loops(piece)
         found += len(values) // 3
+        sizes += some_sizes
         limits.check_vertices(found)
         limits.check_faces(len(sizes))
-        tail = re.split(rb"(?i)(?<!\S)endfacet(?!\S)", text[start:end])[-1].strip().lower()
-        known = tail.startswith((b"endsolid", b"solid")) or b"endsolid".startswith(tail)
-        if len(values) != closed or not known or _OPENED.search(tail):
+        if len(values) != 3 * sum(some_sizes) or (end == len(text) and _is_cut(piece, bool(some_sizes))):
             raise TruncatedFile("The text STL ends in the middle of a facet.", facets=len(sizes))
         vertices.append(_positions(values, text, start))
     if not sizes:
@@ -99,9 +98,50 @@ def _text(data: bytes, limits: Limits) -> Mesh:
     return _soup(np.concatenate(vertices), np.array(sizes, dtype=np.int64), limits)
 
 
+def _is_cut(piece: bytes, facets: bool) -> bool:
+    """Whether the file's last piece has the beginning of a facet, or something unknown, at its end."""
+    tail = piece[piece.rfind(b"endfacet") + len(b"endfacet") :] if facets else piece
+    tail = tail.strip()
+    if not tail.startswith((b"endsolid", b"solid")) and not b"endsolid".startswith(tail):
+        return True
+    _, ended, rest = tail.rpartition(b"endsolid")
+    # Behind endsolid stands a name, which may be any word.
+    return _OPENED.search(rest) is not None or (not ended and _OPENING.search(rest) is not None)
+
+
+def _regular(piece: bytes) -> tuple[list[bytes], list[int]] | None:
+    """As ``_loops``, for a piece that is nothing but facets of three vertices in the usual order, else None."""
+    tokens = piece.split()
+    facets, rest = divmod(len(tokens), TOKENS)
+    if rest or any(tokens[at::TOKENS].count(word) != facets for at, word in _LAYOUT.items()):
+        return None
+    values = [b""] * (9 * facets)
+    for corner in range(3):
+        for axis in range(3):
+            values[3 * corner + axis :: 9] = tokens[8 + 4 * corner + axis :: TOKENS]
+    return values, [3] * facets
+
+
+def _loops(piece: bytes) -> tuple[list[bytes], list[int]]:
+    """(coordinates of all vertices in a row, vertices of each closed loop) of a piece in lower case."""
+    values: list[bytes] = []
+    sizes: list[int] = []
+    closed = 0
+    for x, y, z, ended in _LOOP.findall(piece):
+        if ended:
+            sizes.append((len(values) - closed) // 3)
+            closed = len(values)
+        else:
+            values += (x, y, z)
+    return values, sizes
+
+
 def _spans(text: bytes) -> Iterator[tuple[int, int]]:
-    """Pieces of about PIECE bytes that end behind a facet."""
-    start = 0
+    """Pieces of about PIECE bytes that end behind a facet; the first is up to the first facet."""
+    first = re.compile(rb"(?i)(?<!\S)facet\s+normal\s").search(text)
+    start = first.start() if first else 0
+    if start:
+        yield 0, start
     while start < len(text):
         found = re.compile(rb"(?i)endfacet\s").search(text, start + PIECE)
         end = len(text) if found is None else found.end()

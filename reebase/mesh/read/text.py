@@ -13,12 +13,14 @@ from reebase.errors import FormatError
 
 __all__ = [
     "PIECE",
+    "floats",
     "integers",
     "lenient_float",
     "numbers",
     "pieces",
     "plain_text",
     "quoted",
+    "rectangle",
     "without_comments",
 ]
 
@@ -86,7 +88,8 @@ def lenient_float(token: bytes) -> float:
     return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", repaired))
 
 
-def _floats(tokens: list[bytes]) -> npt.NDArray[np.float64]:
+def floats(tokens: list[bytes]) -> npt.NDArray[np.float64]:
+    """Tokens as float64, also as ``lenient_float`` takes them. Raises ValueError."""
     try:
         return np.fromiter(map(float, tokens), np.float64, len(tokens))
     except ValueError:
@@ -104,7 +107,7 @@ def numbers(
     parts = []
     for start, piece in pieces(data, b" \t\r\n\v\f"):
         try:
-            parts.append(_floats(piece.split()))
+            parts.append(floats(piece.split()))
         except ValueError:
             raise _not_a_number(piece, what, whole if whole is not None else data, offset + start) from None
     return np.concatenate(parts) if parts else np.zeros(0)
@@ -121,6 +124,19 @@ def _not_a_number(piece: bytes, what: str, whole: bytes, start: int) -> FormatEr
                 line=line,
             )
     return FormatError(f"{what}: a token is not a number.")
+
+
+def rectangle(lines: list[bytes]) -> tuple[list[bytes], int] | None:
+    """(all tokens in a row, tokens a line) if every line has the same number of tokens, else None."""
+    if not lines:
+        return None
+    # One split of the joined text is far faster than a split of every line; the marks show the ragged ones.
+    tokens = b" ; ".join(lines).split()
+    stride, rest = divmod(len(tokens) + 1, len(lines))
+    if rest or tokens[stride - 1 :: stride].count(b";") != len(lines) - 1:
+        return None
+    del tokens[stride - 1 :: stride]
+    return tokens, stride - 1
 
 
 def integers(tokens: Iterable[bytes]) -> npt.NDArray[np.int64]:

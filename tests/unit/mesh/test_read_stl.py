@@ -53,6 +53,7 @@ def binary(header: bytes = b"", count: int | None = None) -> bytes:
         text(newline="\r").encode(),
         text(newline=" ").encode(),
         text(name="").encode(),
+        text(name="my facet").encode(),
         text(name="a facet of m\u00fcller").encode("latin-1"),
         b"# exported\n" + text().replace("\n", " # c\n").encode(),
         text().replace("endsolid thing\n", "").encode(),
