@@ -259,12 +259,20 @@ def list_keys() -> None:
             found = stored.list_all(conn)
     finally:
         database.close()
-    table = Table("id", "name", "begins", "scope", "collection", "created", "last used", "revoked")
+    names = ("id", "begins", "scope", "collection", "created", "last used", "revoked", "name")
+    rows = []
     for key in found:
         moments = (key.created_at, key.last_used_at, key.revoked_at)
         when = (moment.isoformat(timespec="seconds") if moment else "" for moment in moments)
-        table.add_row(key.id, key.name, key.prefix, key.scope, key.collection or "all", *when)
-    Console(soft_wrap=not sys.stdout.isatty()).print(table)
+        rows.append((key.id, key.prefix, key.scope, key.collection or "", *when, key.name))
+    if not sys.stdout.isatty():  # for programs: one line a key, whole
+        for row in (names, *rows):
+            _print("\t".join(row))
+        return
+    table = Table(*names)
+    for row in rows:
+        table.add_row(*row)
+    Console(markup=False).print(table)
 
 
 @keys.command("revoke")
