@@ -13,7 +13,8 @@ __all__ = ["DEFAULT", "Limits"]
 class Limits:
     """Upper bounds on what is read.
 
-    bytes: size of the file. vertices, faces: size of the mesh after triangulation.
+    bytes: size of the file. vertices, faces: size of the mesh after triangulation; of STL, which repeats
+    vertices, only the different ones count.
     expanded_bytes: what all parts of a compressed file may hold together.
     """
 

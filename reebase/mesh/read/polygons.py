@@ -63,12 +63,12 @@ def build(
             face=face + base, vertex=int(corners[at]) + base, vertices=len(vertices),
         )  # fmt: skip
     finite = np.isfinite(vertices).all(axis=1)
-    if not finite.all():
-        bad = int(np.flatnonzero(~finite)[0])
+    if not finite.all() and not finite[corners].all():
+        bad = np.unique(corners[~finite[corners]])
         raise NonFiniteVertices(
-            f"{int((~finite).sum())} of {len(vertices)} vertices have a NaN or infinite coordinate, "
-            f"the first is vertex {bad}.",
-            count=int((~finite).sum()), first=bad,
+            f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
+            f"the first is vertex {int(bad[0])}.",
+            count=len(bad), first=int(bad[0]),
         )  # fmt: skip
     faces = triangulate(vertices, corners, sizes.astype(np.int64, copy=False))
     return Mesh(vertices, faces.astype(np.int32))

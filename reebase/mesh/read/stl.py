@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator
 
@@ -33,7 +34,8 @@ def read_stl(data: bytes, limits: Limits) -> Mesh:
     """The mesh of an STL file: vertices (3 n, 3), faces (n, 3) in the file's order.
 
     Whether it is text or binary is judged by its size and content, not by the word solid, which many
-    binary files start with. Raises FormatError, MeshError, LimitError.
+    binary files start with. The limit on vertices is held against the number of different positions.
+    Raises FormatError, MeshError, LimitError.
     """
     announced = int.from_bytes(data[80:HEADER], "little") if len(data) >= HEADER else None
     exact = announced is not None and HEADER + RECORD.itemsize * announced == len(data)
@@ -73,7 +75,6 @@ def _binary(data: bytes, announced: int, limits: Limits) -> Mesh:
     if not announced:
         raise NoFaces("The STL file announces 0 triangles.")
     limits.check_faces(announced)
-    limits.check_vertices(3 * announced)
     corners = np.frombuffer(data, RECORD, announced, HEADER)["corners"]
     return _soup(corners.reshape(-1, 3).astype(np.float64), np.full(announced, 3), limits)
 
@@ -88,8 +89,7 @@ def _text(data: bytes, limits: Limits) -> Mesh:
         values, some_sizes = _regular(piece) or _loops(piece)
         found += len(values) // 3
         sizes += some_sizes
-        limits.check_vertices(found)
-        limits.check_faces(len(sizes))
+        limits.check_faces(max(len(sizes), found // 3))
         if len(values) != 3 * sum(some_sizes) or (end == len(text) and _is_cut(piece, bool(some_sizes))):
             raise TruncatedFile("The text STL ends in the middle of a facet.", facets=len(sizes))
         vertices.append(_positions(values, text, start))
@@ -166,4 +166,17 @@ def _positions(values: list[bytes], text: bytes, start: int) -> npt.NDArray[np.f
 
 
 def _soup(vertices: npt.NDArray[np.float64], sizes: npt.NDArray[np.int64], limits: Limits) -> Mesh:
+    if len(vertices) > limits.vertices:
+        # STL repeats a vertex for every triangle at it; the limit is meant for what merging leaves.
+        limits.check_vertices(_distinct(vertices))
+        limits = dataclasses.replace(limits, vertices=len(vertices))
     return build(vertices, np.arange(len(vertices)), sizes, limits)
+
+
+def _distinct(points: npt.NDArray[np.float64]) -> int:
+    """How many different positions there are, by a hash of 64 bits."""
+    bits = (points + 0.0).view(np.uint64)  # minus zero is zero
+    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+    for axis in (1, 2):
+        mixed = (mixed ^ (mixed >> np.uint64(29)) ^ bits[:, axis]) * np.uint64(0xBF58476D1CE4E5B9)
+    return len(np.unique(mixed ^ (mixed >> np.uint64(32))))

@@ -15,7 +15,8 @@ from reebase.errors import (
     TruncatedFile,
 )
 from reebase.mesh.read import Limits, read
-from tests.shapes import tetrahedron
+from reebase.mesh.write import to_bytes
+from tests.shapes import icosphere, tetrahedron
 
 SOUP = tetrahedron().vertices[tetrahedron().faces].reshape(-1, 3).astype(np.float32).astype(np.float64)
 
@@ -135,5 +136,16 @@ def test_refusals(data: bytes, error: type[Exception], message: str) -> None:
 def test_limits(data: bytes) -> None:
     with pytest.raises(TooManyFaces):
         read(data, "stl", limits=Limits(faces=3))
+    assert len(read(data, "stl", limits=Limits(vertices=4)).vertices) == 12
+    with pytest.raises(TooManyVertices, match="4 vertices or more; the limit is 3"):
+        read(data, "stl", limits=Limits(vertices=3))
+
+
+@pytest.mark.parametrize("subdivisions", [2, 5])
+def test_the_limit_on_vertices_counts_different_positions(subdivisions: int) -> None:
+    mesh = icosphere(subdivisions)
+    count = len(np.unique(mesh.vertices.astype(np.float32), axis=0))
+    data = to_bytes(mesh, "stl")
+    assert len(read(data, limits=Limits(vertices=count)).faces) == len(mesh.faces)
     with pytest.raises(TooManyVertices):
-        read(data, "stl", limits=Limits(vertices=11))
+        read(data, limits=Limits(vertices=count - 1))
