@@ -62,7 +62,7 @@ def build(
             f"{len(vertices)} vertices (faces and vertices are counted from {base}).",
             face=face + base, vertex=int(corners[at]) + base, vertices=len(vertices),
         )  # fmt: skip
-    finite = np.isfinite(vertices).all(axis=1)
+    finite = np.asarray(np.isfinite(vertices).all(axis=1))
     if not finite.all() and not finite[corners].all():
         bad = np.unique(corners[~finite[corners]])
         raise NonFiniteVertices(

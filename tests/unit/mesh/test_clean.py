@@ -9,6 +9,7 @@ from reebase.errors import DegenerateMesh, MeshError, NoFaces, NonFiniteVertices
 from reebase.mesh.clean import clean
 from reebase.mesh.geometry import signed_volume
 from reebase.mesh.mesh import Mesh
+from reebase.mesh.read import read
 from reebase.mesh.topology import edges
 from tests.shapes import (
     capsule,
@@ -418,3 +419,10 @@ def test_a_mesh_refuses_only_the_nan_that_a_face_uses() -> None:
     vertices[3, 1] = np.nan
     with pytest.raises(NonFiniteVertices, match="vertex 3"):
         Mesh(vertices, cube().faces)
+
+
+def test_a_file_whose_only_nan_is_in_an_unused_vertex_is_read_and_cleaned() -> None:
+    mesh = read(b"v 0 0 0\nv nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 4\n", "obj")
+    cleaned, health = clean(mesh)
+    assert cleaned.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert health.repairs == {"removed_unreferenced_vertices": 1}
