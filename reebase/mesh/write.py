@@ -94,7 +94,7 @@ def _off(mesh: Mesh, _: dict[str, Floats]) -> bytes:
 
 
 def _stl(mesh: Mesh, _: dict[str, Floats]) -> bytes:
-    corners = _single(mesh.vertices, "STL")[mesh.faces]
+    corners = _single(mesh.vertices[mesh.faces], "STL")
     sides = corners.astype(np.float64)
     with np.errstate(all="ignore"):
         normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
@@ -168,7 +168,7 @@ def _single(vertices: Floats, name: str) -> npt.NDArray[np.float32]:
     with np.errstate(over="ignore"):
         single = vertices.astype("<f4")
     if not np.isfinite(single).all():
-        raise MeshError(f"A coordinate is beyond float32, which is what {name} holds; write PLY, OBJ or OFF.")
+        raise MeshError(f"A coordinate is NaN or beyond float32, which {name} cannot hold; write PLY, OBJ or OFF.")
     return single
 
 

@@ -152,6 +152,16 @@ def test_coordinates_beyond_float32_are_not_made_infinite(name: str) -> None:
         to_bytes(mesh, name)
 
 
+def test_a_vertex_that_no_face_uses_may_be_nan_where_the_format_allows_it() -> None:
+    vertices = np.vstack([tetrahedron().vertices, [np.nan, 0, 0]])
+    mesh = Mesh(vertices, tetrahedron().faces)
+    for name in ("ply", "obj", "off"):
+        assert np.array_equal(read(to_bytes(mesh, name)).vertices, vertices, equal_nan=True)
+    assert len(read(to_bytes(mesh, "stl")).faces) == 4
+    with pytest.raises(MeshError, match="NaN"):
+        to_bytes(mesh, "glb")
+
+
 def test_glb_knows_no_empty_mesh() -> None:
     with pytest.raises(NoFaces):
         to_bytes(Mesh(np.zeros((2, 3)), np.zeros((0, 3), int)), "glb")
