@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializ
 
 __all__ = [
     "Body", "CollectionName", "ErrorValue", "Finite", "Metadata", "Moment", "PageOf", "Progress", "Text",
-    "Value", "printable",
+    "Triple", "Value", "printable",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -71,6 +71,9 @@ Metadata = Annotated[
         examples=[{"source": "scan"}],
     ),
 ]
+
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+"""Three numbers: a position, or ω = (a, dv, dc)."""
 
 CollectionName = Annotated[
     str,

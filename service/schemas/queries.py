@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from service.problems import Problem
-from service.schemas.common import Body, Finite, Metadata, Text, Value
+from service.schemas.common import Body, Finite, Metadata, Text, Triple, Value
 from service.schemas.tasks import TaskValue
 
 __all__ = ["AnswerValue", "BatchBody", "BatchValue", "PendingAnswer", "QueryBody", "QueryParameters"]
@@ -51,7 +51,7 @@ class QueryEcho(Value):
     shape: str | None
     collection: str
     endpoint_count: int
-    features: list[tuple[float, float, float]]
+    features: list[Triple]
     measure: str
     k: int
     tolerance: int | None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.common import Body, ErrorValue, Metadata, Moment, Text, Value
+from service.schemas.common import Body, ErrorValue, Metadata, Moment, Text, Triple, Value
 from service.schemas.tasks import TaskValue
 
 __all__ = [
@@ -78,7 +78,7 @@ class UploadValue(Value):
 class Node(Value):
     """A node of the skeleton: a connected component of a band of the field."""
 
-    position: tuple[float, float, float] = Field(description="Area centroid, in the file's units.")
+    position: Triple = Field(description="Area centroid, in the file's units.")
     area: float
     band: int
 
@@ -86,7 +86,7 @@ class Node(Value):
 class Edge(Value):
     """Two nodes that share a stretch of level curve, by index."""
 
-    nodes: tuple[int, int]
+    nodes: Annotated[list[int], Field(min_length=2, max_length=2)]
     length: float
 
 
@@ -94,7 +94,7 @@ class Endpoint(Value):
     """A node of degree 1 and its feature vector ω = (a, dv, dc)."""
 
     node: int
-    omega: tuple[float, float, float] | None = Field(
+    omega: Triple | None = Field(
         description="Relative area, relative sum of paths to the endpoints, relative path to the root."
     )
 
@@ -129,7 +129,7 @@ class FeaturesValue(Value):
     profile_key: str
     pipeline_version: int
     endpoint_count: int
-    features: list[tuple[float, float, float]]
+    features: list[Triple]
 
 
 class HealthValue(Value):
