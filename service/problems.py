@@ -111,21 +111,33 @@ def status_of(error: type[library.ReebaseError]) -> int:
 
 
 def _classes(root: type[library.ReebaseError]) -> Iterator[type[library.ReebaseError]]:
-    yield root
+    """Every class of error that this service can meet; those of its client are not among them."""
+    if root.__module__ in {library.__name__, store.__name__, http.__name__}:
+        yield root
     for child in root.__subclasses__():
         yield from _classes(child)
 
 
 def code_class(code: str) -> type[library.ReebaseError] | None:
-    """The class that carries a code, or None when no class of this process does."""
+    """The class that carries a code, or None when no class does."""
     return next((found for found in _classes(library.ReebaseError) if found.code == code), None)
+
+
+TASK_CODES = {
+    "worker_died": "The worker died several times on this task, so it is not tried again.",
+    "out_of_memory": "The computation needs more memory than one mesh may use.",
+    "timed_out": "The computation needs more time than one mesh may use.",
+    "child_crashed": "The process that computed crashed on this mesh.",
+}
+"""Why a task can fail without an error of its own; as the answer to a query by mesh they are 422."""
 
 
 def catalogue() -> list[tuple[str, int, str]]:
     """(code, status, explanation) of every problem, sorted by code, for the reference page."""
     rows = {c.code: (c.code, status_of(c), (c.__doc__ or "").strip()) for c in _classes(library.ReebaseError)}
+    rows |= {code: (code, status_of(http.TaskFailed), text) for code, text in TASK_CODES.items()}
     rows["internal_error"] = ("internal_error", 500, INTERNAL)
-    del rows["error"]
+    del rows[library.ReebaseError.code]
     return sorted(rows.values())
 
 
@@ -168,6 +180,8 @@ def problem_response(request: Request, error: library.ReebaseError) -> Response:
     headers = dict(getattr(error, "headers", {}))
     if "retry_after" in error.details:
         headers["Retry-After"] = str(error.details["retry_after"])
+    elif value["status"] == 503:
+        headers["Retry-After"] = "1"
     if "allow" in error.details:
         headers["Allow"] = ", ".join(error.details["allow"])
     if value["status"] >= 500:

@@ -110,7 +110,8 @@ function row(shape) {
   });
   return element("tr", {},
     element("td", {}, shape.name), element("td", {}, shape.label ?? ""),
-    element("td", { className: shape.state === "failed" ? "bad" : "" }, shape.state),
+    element("td", { className: shape.error ? "bad" : "" },
+      shape.error ? `failed: ${shape.error.detail}` : shape.state),
     element("td", { className: "number" }, String(shape.endpoint_count ?? "")), actions);
 }
 

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
+from reebase.errors import ReebaseError
 from service import problems
 from service.app import create_app
 from service.routes import collections as collection_routes
@@ -55,7 +56,8 @@ NAMES = {"collection": "collection_not_found", "task": "task_not_found", "evalua
 
 
 def test_codes_are_unique_and_documented() -> None:
-    # Two classes may share a code only when they share the status.
+    classes = list(problems._classes(ReebaseError))
+    assert len({found.code for found in classes}) == len(classes)
     assert all(400 <= status < 600 for status in CODES.values())
     assert all(re.fullmatch(r"[a-z0-9_]+", code) for code in CODES)
     assert all(text for _, _, text in problems.catalogue())
