@@ -35,6 +35,7 @@ def _run(chosen: argparse.Namespace, sandbox: Sandbox) -> int:
     # Two processes have much to import; the zygote begins while this one still does.
     sandbox.launch()
     import structlog
+    from pydantic import ValidationError
 
     from reebase.errors import ReebaseError
     from store.settings import Settings
@@ -55,7 +56,7 @@ def _run(chosen: argparse.Namespace, sandbox: Sandbox) -> int:
             worker.run(once=chosen.once)
     except StoppedError:
         return 0
-    except (ReebaseError, SandboxError, OSError) as error:
+    except (ReebaseError, SandboxError, ValidationError, OSError) as error:
         log.error("cannot_work", error=str(error))
         return 1
     return 0

@@ -71,7 +71,10 @@ class Claim:
     lease_seconds: float
     stage: str | None = None
     fraction: float = 0.0
-    _beaten: float = field(default_factory=time.monotonic)
+    _beaten: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._beaten = time.monotonic()  # a claim is as good as a heartbeat
 
     def progress(self, stage: str, fraction: float) -> None:
         """The stage that begins and the fraction of the whole that is done; the next heartbeat writes it."""

@@ -59,6 +59,7 @@ class Zygote:
     control: socket.socket
     warm: bool = False
     child: int | None = None
+    dismissed: bool = False
 
     @classmethod
     def launch(cls, module: str) -> Zygote:
@@ -91,6 +92,24 @@ class Zygote:
             raise SandboxError(f"The zygote refuses to serve: {hello['refused']}.")
         self.warm = True
 
+    def dismiss(self) -> None:
+        """Have a child that has reported killed, without waiting for its end: taking it down takes its time."""
+        self.dismissed = True
+        channel.send(self.control, {"kill": True})
+
+    def settle(self) -> bool:
+        """Wait for the end of a dismissed child; False when the zygote does not bring news of it."""
+        try:
+            while self.dismissed:
+                if not select.select([self.control], [], [], _DEATH_SECONDS)[0]:
+                    return False
+                news, _ = channel.receive(self.control)
+                self.dismissed = "exit" not in news
+        except channel.ClosedError:
+            return False
+        self.child = None
+        return True
+
     def close(self) -> None:
         """End it and its child, also where the kernel does not tie the child's life to it."""
         self.control.close()
@@ -114,6 +133,7 @@ class Exchange:
         self._tick = tick
         self._end = End()
         self._ended = False
+        self._reported = False
         self._open: list[int] = []
         self._line = b""
         self._received = 0
@@ -137,20 +157,20 @@ class Exchange:
                 self._follow()
                 for reader in (self._messages, errors):
                     self._drain(reader)
+                if self._reported and not self._ended:
+                    self._zygote.dismiss()
             except channel.ClosedError:
                 self._zygote.close()
             except BaseException:
                 self._kill()
                 raise
-            finally:
-                self._zygote.child = None
         self._end.errors = self._errors.decode(errors="replace")
         return self._end
 
     def _follow(self) -> None:
-        while not self._ended:
+        while True:
             self._wait()
-            if self._ended:
+            if self._ended or self._reported:
                 return
             self._end.out_of_time = time.monotonic() > self._deadline
             self._end.said_too_much = self._received > _MOST_REPORT
@@ -170,6 +190,7 @@ class Exchange:
                     self._zygote.child = int(news["started"])
                 else:
                     self._ended = True
+                    self._zygote.child = None
                     self._end.code = int(news["exit"])
                     self._end.cpu_seconds = float(news["cpu_seconds"])
                     self._end.peak_bytes = int(news["peak_bytes"])
@@ -218,8 +239,20 @@ class Exchange:
                     self._progress(stage[:64], min(max(float(fraction), 0.0), 1.0))
             case {"done": dict(answer)}:
                 self._end.done = answer
+                self._report(said)
             case {"error": str(code), "detail": dict(detail)} if _CODE.fullmatch(code):
                 self._end.error, self._end.detail = code, detail
+                self._report(said)
+            case _:
+                return
+
+    def _report(self, said: dict[str, Any]) -> None:
+        """The child's last words: it has written all that it will."""
+        match said:
+            case {"cpu_seconds": int() | float() as cpu_seconds, "peak_bytes": int(peak_bytes)}:
+                self._reported = True
+                self._end.code = 0
+                self._end.cpu_seconds, self._end.peak_bytes = float(cpu_seconds), peak_bytes
             case _:
                 return
 

@@ -29,12 +29,14 @@ from worker.tools import Tools
 
 __all__ = ["Worker", "await_schema", "default_name"]
 
-_POLL_SECONDS = 0.15
+_POLL_SECONDS = 0.1
 _PAUSE_SECONDS = 1.0  # after a failure that time may heal
 _SWEEP_SECONDS = 600.0
 _MOST_DETAIL = 1000  # characters
 
 _log = structlog.get_logger("worker")
+
+_PASSING = (StoreBusy, StorageFull)
 
 _JOBS: dict[str, Callable[[Tools, Claim], None]] = {
     "describe": describe.run,
@@ -118,7 +120,7 @@ class Worker:
         while not self.stop.requested:
             try:
                 task = self._queue.claim(self.name)
-            except StoreBusy as error:
+            except _PASSING as error:
                 _log.warning("claim_failed", error=error.message)
                 self._pause()
                 continue
@@ -137,9 +139,10 @@ class Worker:
             outcome = self._attempt(claim)
         except (LostError, StaleClaim):
             outcome = "lost"
-        except StoreBusy as error:
+        except _PASSING as error:
             # Nothing could be written, not even that it failed: the lease ends and the task is taken again.
             outcome = error.code
+            self._pause()
         _log.info(
             "task_ended", task=task.id, kind=task.kind, attempt=task.attempt, outcome=outcome,
             seconds=round(time.monotonic() - began, 3),
@@ -164,13 +167,11 @@ class Worker:
             raise
         except ChildError as error:
             return self._failed(task, error.code, error.detail, lasting=error.lasting)
-        except (StaleClaim, StoreBusy):
+        except (LostError, StaleClaim, StoreBusy):
             raise
         except ReebaseError as error:
             detail = {"message": error.message, **error.details}
             return self._failed(task, error.code, detail, lasting=not isinstance(error, StorageFull))
-        except (LostError, KeyboardInterrupt, SystemExit):
-            raise
         except Exception as error:
             _log.exception("unexpected_error", task=task.id, kind=task.kind)
             detail = {"message": f"{type(error).__name__}: {error}"[:_MOST_DETAIL]}

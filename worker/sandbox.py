@@ -75,6 +75,9 @@ class Sandbox:
         """
         try:
             zygote = self.launch()
+            if not zygote.settle():
+                self.close()
+                zygote = self.launch()
             zygote.await_warm(tick)
             if not self.guards:
                 with self._run(zygote, "probe", {}, tick=tick) as finished:

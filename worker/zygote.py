@@ -16,6 +16,7 @@ import gc
 import importlib
 import json
 import os
+import resource
 import select
 import signal
 import socket
@@ -30,6 +31,7 @@ from typing import Any, NoReturn
 
 from reebase.errors import LimitError, ReebaseError
 from store import faults
+from store.errors import StorageFull
 from worker import channel, guards
 from worker.computations import Computation
 
@@ -101,12 +103,7 @@ def _attend(control: socket.socket, woken: int, child: int) -> None:
     while True:
         ended, status, usage = os.wait4(child, os.WNOHANG)
         if ended:
-            scale = 1 if sys.platform == "darwin" else 1024
-            channel.send(control, {
-                "exit": os.waitstatus_to_exitcode(status),
-                "cpu_seconds": usage.ru_utime + usage.ru_stime,
-                "peak_bytes": usage.ru_maxrss * scale,
-            })  # fmt: skip
+            channel.send(control, {"exit": os.waitstatus_to_exitcode(status), **_usage(usage)})
             return
         readable, _, _ = select.select([control.fileno(), woken], [], [])
         if woken in readable:
@@ -114,6 +111,11 @@ def _attend(control: socket.socket, woken: int, child: int) -> None:
         if control.fileno() in readable:
             channel.receive(control)  # while a child works the only message is "kill"
             os.kill(child, signal.SIGKILL)
+
+
+def _usage(usage: resource.struct_rusage) -> dict[str, float]:
+    peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return {"cpu_seconds": usage.ru_utime + usage.ru_stime, "peak_bytes": peak}
 
 
 def _work(
@@ -130,7 +132,8 @@ def _work(
         limits = guards.ChildLimits(**message["limits"])
         applied = guards.apply(limits, parent)
         pipe = _Messages(messages)
-        pipe.send(_run(message, source, results, pipe, computations, applied))
+        report = _run(message, source, results, pipe, computations, applied)
+        pipe.send({**report, **_usage(resource.getrusage(resource.RUSAGE_SELF))})
         code = 0
     except BaseException:
         traceback.print_exc()
@@ -182,6 +185,9 @@ def _run(  # noqa: PLR0911 - one line a way to end
         guards.release_reserve()
         return {"error": "out_of_memory", "detail": {}}
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            text = "There was no space left for temporary files; free some, or set TMPDIR, and try again."
+            return {"error": StorageFull.code, "detail": {"message": text}}
         if error.errno != errno.EFBIG:
             return _unexpected(error)
         most = message["limits"]["file_bytes"] >> 20

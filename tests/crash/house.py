@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,12 +12,13 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import numpy as np
 from sqlalchemy import func, select
 
 from reebase.mesh import Mesh
 from reebase.mesh.write import to_bytes
-from store import collections, migrate, results, shapes, tables, tasks
+from store import collections, migrate, results, shapes, sweep, tables, tasks
 from store.blobs import LocalBlobs
 from store.engine import Database
 from store.settings import Settings
@@ -129,6 +131,18 @@ class House:
             worker.await_event("ready")
         return worker
 
+    def start_service(self, fault="", **variables):
+        """The API alone, and a client of it."""
+        service = self.start("service", "serve", "--no-worker", "--port", "0", fault=fault, **variables)
+
+        def answers():
+            assert service.process.poll() is None, service.log.read_text()
+            found = re.search(r"address +(http://\S+)", service.log.read_text())
+            with suppress(httpx.TransportError):
+                return found and httpx.get(f"{found[1]}/readyz") and found[1]
+
+        return service, httpx.Client(base_url=wait_until(answers, 60, "the service's start"), timeout=30)
+
     def collection(self, name="animals"):
         with self.database.write() as conn:
             return collections.create(conn, name)
@@ -160,6 +174,10 @@ class House:
 
     def await_state(self, task, state, seconds=30.0):
         return wait_until(lambda: self.task(task).state == state, seconds, f"state {state}")
+
+    def sweep(self, grace_seconds):
+        settings = self.settings.model_copy(update={"sweep_grace_seconds": grace_seconds})
+        return sweep.sweep(self.database, self.blobs, settings)
 
     def check(self):
         """What must hold whatever happened: nothing in between, nothing twice, nothing dangling."""

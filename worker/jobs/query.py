@@ -27,7 +27,6 @@ def run(tools: Tools, claim: Claim) -> None:
         description = Description.load(finished.files["description"])
     claim.progress("search", 0.95)
     answer = answer_query(tools.database, tools.follower, spec, description.features)
-    answer["query"]["flags"] = list(description.health.flags)
     with tools.database.write() as conn:
         tools.queue.succeed(conn, task, answer)
     faults.point("worker.rows_committed")

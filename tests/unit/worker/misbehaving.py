@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import signal
 import socket
+import stat
 import sys
 import threading
 import time
@@ -80,6 +82,21 @@ def kill(arguments, source, outputs, progress):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def linger(arguments, source, outputs, progress):
+    """Reports by itself, on the pipe that a hostile child would find, and stays."""
+    report = {"done": {"process": os.getpid()}, "cpu_seconds": 0.0, "peak_bytes": 1}
+    pipe = next(number for number in range(3, 64) if _is_pipe(number))
+    os.write(pipe, json.dumps(report).encode() + b"\n")
+    time.sleep(60)
+
+
+def _is_pipe(descriptor):
+    try:
+        return stat.S_ISFIFO(os.fstat(descriptor).st_mode)
+    except OSError:
+        return False
+
+
 def leave(arguments, source, outputs, progress):
     os._exit(arguments["status"])
 
@@ -132,7 +149,7 @@ def escape(arguments, source, outputs, progress):
 COMPUTATIONS = {
     work.__name__: work
     for work in (
-        double, probe, environment, refuse, bug, spin, sleep, allocate, allocate_in_c, crash, kill, leave,
+        double, probe, environment, refuse, bug, spin, sleep, allocate, allocate_in_c, crash, kill, linger, leave,
         flood_messages, flood_errors, write_too_much, open_too_many, escape,
     )
 }  # fmt: skip

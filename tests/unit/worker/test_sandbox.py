@@ -183,13 +183,37 @@ def test_a_killed_zygote_takes_its_child_along_and_is_replaced():
         assert sandbox.zygote not in (None, first)
 
 
-def test_a_frozen_zygote_does_not_hold_a_job_for_ever(monkeypatch):
+def test_a_zygote_that_freezes_at_work_is_replaced(monkeypatch):
     monkeypatch.setattr("worker.exchange._DEATH_SECONDS", 0.3)
-    with Sandbox(ChildLimits(wall_seconds=0.3), MODULE) as sandbox:
-        os.kill(sandbox.zygote, signal.SIGSTOP)
-        assert failure(sandbox, "double").code == "timed_out"
+    with Sandbox(ChildLimits(wall_seconds=0.5), MODULE) as sandbox:
+        first = sandbox.zygote
+
+        def tick():
+            if sandbox.child:
+                os.kill(first, signal.SIGSTOP)
+
+        assert failure(sandbox, "sleep", tick=tick).code == "timed_out"
         with sandbox.run("double", {}, b"abc") as finished:
             assert finished.answer["length"] == 3
+        assert sandbox.zygote not in (None, first)
+
+
+def test_a_zygote_that_freezes_at_rest_is_replaced(monkeypatch):
+    monkeypatch.setattr("worker.exchange._DEATH_SECONDS", 0.3)
+    with Sandbox(LIMITS, MODULE) as sandbox:
+        first = sandbox.zygote
+        os.kill(first, signal.SIGSTOP)
+        with sandbox.run("double", {}, b"abc") as finished:
+            assert finished.answer["length"] == 3
+        assert sandbox.zygote not in (None, first)
+
+
+def test_a_child_that_goes_on_after_its_report_is_killed(sandbox):
+    with sandbox.run("linger", {}) as finished:
+        child = finished.answer["process"]
+    with sandbox.run("double", {}, b"") as finished:
+        assert finished.answer["length"] == 0
+    assert not alive(child)
 
 
 def test_a_zygote_that_cannot_start_says_so():
