@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 from reebase.errors import MissingPackage, ReebaseError
@@ -34,8 +35,23 @@ def main() -> None:
     try:
         app()
     except ReebaseError as refusal:
-        print(f"reebase: {refusal.message} [{refusal.code}]", file=sys.stderr)  # noqa: T201 - a refusal is for people
-        sys.exit(2)
+        _refuse(f"{refusal.message} [{refusal.code}]", *_values(refusal))
+    except BrokenPipeError:
+        # Whoever read our output has gone, as `head` does; nothing is left to say, not even at the interpreter's end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(141)
     except OSError as failure:
-        print(f"reebase: {failure.strerror or failure}: {failure.filename or ''}", file=sys.stderr)  # noqa: T201
-        sys.exit(2)
+        where = f": {failure.filename}" if failure.filename is not None else ""
+        _refuse(f"{failure.strerror or failure}{where}")
+
+
+def _values(refusal: ReebaseError) -> list[str]:
+    """The values of a request that a service refused, where its words do not name them already."""
+    found = [str(one.get("detail", "")) for one in getattr(refusal, "errors", ())]
+    return [f"  {detail}" for detail in found if detail and detail not in refusal.message]
+
+
+def _refuse(*lines: str) -> None:
+    lines = (f"reebase: {lines[0]}", *lines[1:])
+    print(*lines, sep="\n", file=sys.stderr)  # noqa: T201 - a refusal is for people
+    sys.exit(2)

@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import numpy as np
-import numpy.typing as npt
 import typer
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Column, Table
 
 from reebase.cli import options
-from reebase.cli.folders import labels_of, mesh_files
+from reebase.cli.describing import Outcome, Refusal, descriptions
+from reebase.cli.folders import ABSENT, labels_of, mesh_files
+from reebase.cli.output import (
+    STDOUT,
+    check_picture,
+    check_target,
+    notices,
+    progress,
+    results,
+    shown,
+    write_bytes,
+    write_json,
+)
 from reebase.descriptors import descriptor_named
-from reebase.errors import ParameterError, ReebaseError
-from reebase.evaluation.matrix import dissimilarity_matrix
-from reebase.evaluation.measures import Evaluation
-from reebase.evaluation.measures import evaluate as evaluate_matrix
-from reebase.pipeline import Profile, describe
-
-Features = npt.NDArray[np.float64]
+from reebase.errors import ParameterError
+from reebase.evaluation import SCORES, Evaluation, dissimilarity_matrix
+from reebase.evaluation import evaluate as evaluate_matrix
+from reebase.matching import measure_named
+from reebase.pipeline import Profile
 
 
 def evaluate(
-    folder: Annotated[Path, typer.Argument(help="A folder of mesh files.", metavar="DIR")],
-    labels: Annotated[
-        Path | None, typer.Option(help="CSV with the columns file, label; by default DIR/labels.csv or sub-folders.")
-    ] = None,
+    folder: Annotated[Path, typer.Argument(help="A folder of mesh files; hidden ones are passed over.", metavar="DIR")],
+    labels: options.Labels = None,
     descriptor: Annotated[str, typer.Option(help="What is compared.")] = "srg",
     measure: options.Measure = "matching",
-    json_out: Annotated[Path | None, typer.Option("--json", help="Write the report as JSON here.")] = None,
-    matrix: Annotated[bool, typer.Option(help="Put the dissimilarity matrix into the JSON.")] = False,
+    json_out: options.JsonOut = None,
+    matrix: Annotated[bool, typer.Option("--matrix", help="Put the dissimilarity matrix into the JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the precision-recall curve here (.svg or .png).")] = None,
     bands: options.Bands = options.DEFAULT.bands,
     denoise: options.Denoise = options.DEFAULT.denoise,
@@ -49,77 +50,81 @@ def evaluate(
     bootstrap: Annotated[int, typer.Option(help="Resamples for the intervals; 0 for none.", min=0)] = 1000,
     jobs: Annotated[int, typer.Option(help="Processes; 0 for one a core.", min=0)] = 0,
 ) -> None:
-    """Evaluate retrieval on a folder of labelled meshes (leave-one-out)."""
-    console = Console(stderr=True)
-    named = descriptor_named(descriptor)
-    label_of = labels_of(folder, labels)
-    if not label_of:
-        raise ParameterError(f"No file of {folder} has a label: pass --labels, or sort the files into sub-folders.")
-    files = [path for path in mesh_files(folder) if path in label_of]
+    """Evaluate retrieval on a folder of labelled meshes, leave-one-out. Needs no service.
+
+    Exit code 0: all labelled meshes took part. 1: some were left out, and a table says why; the report is of the
+    others. 2: it could not run.
+    """
+    named, chosen = descriptor_named(descriptor), measure_named(measure)
     profile = Profile(denoise, iterations, field, bands, saliency, threshold, area)
-    found: dict[Path, Features] = {}
-    failed: dict[str, dict[str, str]] = {}
-    with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("describing", total=len(files))
-        for path, outcome in _descriptions(files, profile, jobs):
-            if isinstance(outcome, ReebaseError):
-                failed[str(path.relative_to(folder))] = {"code": outcome.code, "detail": outcome.message}
-            else:
-                found[path] = outcome
-            progress.advance(bar)
-    kept = [path for path in files if path in found]
-    if not kept:
-        raise ParameterError(f"None of the {len(files)} meshes of {folder} could be described.")
-    distances = dissimilarity_matrix([found[path] for path in kept], measure)
-    ids = [str(path.relative_to(folder)) for path in kept]
-    report = evaluate_matrix(distances, [label_of[path] for path in kept], ids, bootstrap=bootstrap)
+    check_target(json_out)
+    kind = check_picture(plot, "svg")
+    files = mesh_files(folder)
+    found = labels_of(folder, files, labels)
+    labelled = [path for path in files if path in found.of]
+    if not any(count > 1 for count in Counter(found.of.values()).values()):
+        raise ParameterError(
+            f"There is nothing to evaluate in {folder}: no two meshes have the same label. "
+            "Pass --labels, or sort the files into sub-folders."
+        )
+    names = {path: shown(path.relative_to(folder).as_posix()) for path in labelled}
+    outcomes: dict[Path, Outcome] = {}
+    with progress() as begin:
+        step = begin("describing", len(labelled))
+        for path, outcome in descriptions(labelled, profile, named.name, jobs):
+            outcomes[path] = outcome
+            step.update(len(outcomes))
+        # In the order of the files, whoever was done first.
+        features = {path: one for path in labelled if not isinstance(one := outcomes[path], Refusal)}
+        if not features:
+            raise ParameterError(f"None of the {len(labelled)} meshes could be described; {_first(outcomes)}")
+        step = begin("comparing", 100)
+        distances = dissimilarity_matrix(
+            list(features.values()), chosen.name, progress=lambda fraction: step.update(int(100 * fraction))
+        )
+    report = evaluate_matrix(
+        distances, [found.of[path] for path in features], [names[path] for path in features], bootstrap=bootstrap
+    )
+    failed = {names[path]: one for path, one in outcomes.items() if isinstance(one, Refusal)}
+    failed |= {shown(name): Refusal("file_not_found", ABSENT) for name in found.absent}
     if json_out is not None:
         record = {
-            "descriptor": named.name, "measure": measure, "profile": profile.to_json(), "failed": failed,
+            "descriptor": named.name, "measure": chosen.name, "profile": profile.to_json(),
+            "shapes": len(features), "without_label": len(files) - len(labelled),
+            "failed": {name: {"code": one.code, "detail": one.detail} for name, one in sorted(failed.items())},
             **report.to_json(matrix=matrix),
         }  # fmt: skip
-        json_out.write_text(json.dumps(record))
+        write_json(json_out, record)
     if plot is not None:
         from reebase.pictures import precision_recall_plot
 
         curve = report.precision_recall
-        kind = plot.suffix[1:].lower() or "svg"
-        curves = {f"{descriptor}, {measure}": (curve.recall, curve.precision)}
-        plot.write_bytes(precision_recall_plot(curves, format=kind))
-    _print(report, failed)
+        curves = {f"{named.name}, {chosen.name}": (curve.recall, curve.precision)}
+        write_bytes(plot, precision_recall_plot(curves, format=kind))
+    if len(labelled) < len(files):
+        notices().print(f"{len(files) - len(labelled)} files have no label and took no part.")
+    if json_out != STDOUT:
+        _print(report, failed)
+    raise typer.Exit(1 if failed else 0)
 
 
-def _describe(path: Path, profile: Profile) -> Features | ReebaseError:
-    try:
-        return describe(path, profile).features
-    except ReebaseError as refusal:
-        return refusal
+def _first(outcomes: Mapping[Path, Outcome]) -> str:
+    path, refusal = next((path, one) for path, one in outcomes.items() if isinstance(one, Refusal))
+    return f"{shown(path.name)}: {refusal.detail} [{refusal.code}]"
 
 
-def _descriptions(
-    files: list[Path], profile: Profile, jobs: int
-) -> Iterator[tuple[Path, Features | ReebaseError]]:
-    """Each file with its features, or with why there are none, as they are done."""
-    workers = min(jobs or os.cpu_count() or 1, len(files))
-    if workers == 1:
-        yield from ((path, _describe(path, profile)) for path in files)
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        running = {pool.submit(_describe, path, profile): path for path in files}
-        for done in as_completed(running):
-            yield running[done], done.result()
-
-
-def _print(report: Evaluation, failed: dict[str, dict[str, str]]) -> None:
-    console = Console()
-    names = ("nn", "first_tier", "second_tier", "e_measure", "map", "dcg")
-    record = report.to_json()
-    table = Table(Column("class", no_wrap=True), "shapes", *(name.replace("_", " ") for name in names))
+def _print(report: Evaluation, failed: Mapping[str, Refusal]) -> None:
+    out = results()
+    record: dict[str, Any] = report.to_json()
+    table = Table(Column("class", no_wrap=True), "shapes", *(name.replace("_", " ") for name in SCORES))
     for label, row in record["per_class"].items():
-        table.add_row(label, str(row["count"]), *(f"{row[name]:.3f}" for name in names))
+        table.add_row(shown(label), str(row["count"]), *(f"{row[name]:.3f}" for name in SCORES))
     table.add_section()
-    table.add_row("all queries", str(record["queries"]), *(f"{record['overall'][name]:.3f}" for name in names))
-    table.add_row("mean of classes", "", *(f"{record['class_mean'][name]:.3f}" for name in names))
-    console.print(table)
-    for file, reason in failed.items():
-        console.print(f"[red]left out[/] {file}: {reason['detail']} [{reason['code']}]", markup=True)
+    table.add_row("all queries", str(record["queries"]), *(f"{record['overall'][name]:.3f}" for name in SCORES))
+    table.add_row("mean of classes", "", *(f"{record['class_mean'][name]:.3f}" for name in SCORES))
+    out.print(table)
+    if failed:
+        table = Table("left out", "code", "why")
+        for name, one in sorted(failed.items()):
+            table.add_row(name, one.code, one.detail)
+        out.print(table)

@@ -2,140 +2,95 @@
 
 from __future__ import annotations
 
-import hashlib
-import time
-from collections import defaultdict
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from reebase.cli import options
-from reebase.cli.folders import labels_of, mesh_files
-from reebase.client import Client, Shape
-from reebase.errors import ReebaseError
+from reebase.cli.folders import ABSENT, labels_of, mesh_files
+from reebase.cli.intake import Failure, Intake
+from reebase.cli.output import STDOUT, check_target, notices, progress, results, shown, write_json
+from reebase.client import Client, ServiceError, ServiceUnreachable
 
-SETTLED = ("indexed", "failed", "cancelled")
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A file that did not become an indexed shape, and why."""
-
-    file: str
-    code: str
-    detail: str
+SHOWN_COPIES = 10
 
 
 def ingest(
-    folder: Annotated[Path, typer.Argument(help="A folder of mesh files.", metavar="DIR")],
+    folder: Annotated[Path, typer.Argument(help="A folder of mesh files; hidden ones are passed over.", metavar="DIR")],
     collection: Annotated[str, typer.Option(help="The collection; it is made when it is not there.")],
-    labels: Annotated[
-        Path | None, typer.Option(help="CSV with the columns file, label; by default DIR/labels.csv or sub-folders.")
-    ] = None,
+    labels: options.Labels = None,
     parallel: Annotated[int, typer.Option(help="Uploads at the same time.", min=1, max=64)] = 4,
     wait: Annotated[bool, typer.Option(help="Wait until every shape is indexed or failed.")] = True,
     retry_failed: Annotated[bool, typer.Option(help="Try again what failed in an earlier run.")] = False,
-    url: options.Url = "http://127.0.0.1:8000",
+    patience: Annotated[
+        float, typer.Option(help="Seconds to go on trying when the service stops answering.", min=0)
+    ] = 30.0,
+    json_out: options.JsonOut = None,
+    url: options.Url = options.URL,
     api_key: options.Key = None,
 ) -> None:
-    """Upload a folder of meshes; run it again to go on where it stopped. Exit code 1 when a file failed."""
-    console = Console(stderr=True)
+    """Upload a folder of meshes and wait until they are indexed.
+
+    Run it again to go on where it stopped: what is there is skipped. Files of the same bytes are one shape.
+
+    Exit code 0: all are indexed (with --no-wait: uploaded). 1: some are not, and a table says why.
+    2: it could not run, or the service was lost on the way. 130: Ctrl-C.
+    """
+    check_target(json_out)
     files = mesh_files(folder)
-    label_of = labels_of(folder, labels)
-    with Client(url, api_key=api_key) as client, Progress(console=console) as progress:
+    named = labels_of(folder, files, labels)
+    with Client(url, api_key=api_key, patience=0) as probe:
+        limits = probe.limits()
+    with Client(url, api_key=api_key, patience=patience) as client:
         client.create_collection(collection, exist_ok=True)
-        there = _stored(client, collection)
-        same = _by_content(progress.track(files, description="reading"))
-        names = {sha256: str(paths[0].relative_to(folder)) for sha256, paths in same.items()}
-        refused: list[Failure] = []
-        bar = progress.add_task("uploading", total=len(same))
-
-        def send(sha256: str) -> None:
-            path = same[sha256][0]
-            label = next((label_of[p] for p in same[sha256] if p in label_of), None)
-            known = there.get(sha256)
-            if known is None:
-                client.upload(collection, path, name=names[sha256], label=label)
-                return
-            if label is not None and known.label != label:
-                client.update_shape(collection, known.id, label=label)
-            if retry_failed and known.state in ("failed", "cancelled"):
-                client.retry_shape(collection, known.id)
-
-        with ThreadPoolExecutor(parallel) as pool:
-            running = {pool.submit(send, sha256): sha256 for sha256 in same}
-            for done in as_completed(running):
-                try:
-                    done.result()
-                except ReebaseError as refusal:
-                    refused.append(Failure(names[running[done]], refusal.code, refusal.message))
-                progress.advance(bar)
-        missing = {failure.file for failure in refused}
-        wanted = {sha256 for sha256, name in names.items() if name not in missing}
-        shapes = _settle(client, collection, wanted, progress) if wait else {}
-    failures = refused + [
-        _failure(names[sha256], shape)
-        for sha256, shape in shapes.items()
-        if shape.state != "indexed"
-    ]
-    skipped = sum(1 for sha256 in same if sha256 in there)
-    _print(files, same, shapes, skipped, failures)
-    raise typer.Exit(1 if failures else 0)
+        work = Intake(client, collection, folder, named.of, limits, retry_failed)
+        try:
+            with progress() as begin:
+                work.read(files, begin)
+                work.upload(parallel, begin)
+                if wait:
+                    work.settle(begin, lambda text: notices().print(text))
+        except (ServiceUnreachable, ServiceError, KeyboardInterrupt) as stop:
+            _say_stopped(work, stop)
+            raise
+        work.failures += [Failure(shown(name), "file_not_found", ABSENT) for name in named.absent]
+        summary = work.summary(wait)
+    if json_out is not None:
+        write_json(json_out, summary)
+    if json_out != STDOUT:
+        _print(summary)
+    raise typer.Exit(1 if work.failures else 0)
 
 
-def _failure(file: str, shape: Shape) -> Failure:
-    reason = shape.error or {}
-    return Failure(file, str(reason.get("code", shape.state)), str(reason.get("detail", "")))
-
-
-def _by_content(files: Iterable[Path]) -> dict[str, list[Path]]:
-    """The files of each content: files of the same bytes are one shape."""
-    found: dict[str, list[Path]] = defaultdict(list)
-    for path in files:
-        with path.open("rb") as opened:
-            found[hashlib.file_digest(opened, "sha256").hexdigest()].append(path)
-    return dict(found)
-
-
-def _stored(client: Client, collection: str) -> dict[str, Shape]:
-    """The shapes that are there, by the hash of their bytes."""
-    return {shape.sha256: shape for shape in client.shapes(collection)}
-
-
-def _settle(client: Client, collection: str, wanted: set[str], progress: Progress) -> dict[str, Shape]:
-    """Wait until no wanted shape is queued or running; sha256 -> shape."""
-    bar = progress.add_task("indexing", total=len(wanted))
-    while True:
-        shapes = {sha256: s for sha256, s in _stored(client, collection).items() if sha256 in wanted}
-        settled = sum(1 for shape in shapes.values() if shape.state in SETTLED)
-        progress.update(bar, completed=settled + len(wanted) - len(shapes))
-        if settled == len(shapes):
-            return shapes
-        time.sleep(min(1.0, 0.2 + len(wanted) / 2000))
-
-
-def _print(
-    files: list[Path], same: dict[str, list[Path]], shapes: dict[str, Shape], skipped: int, failures: list[Failure]
-) -> None:
-    console = Console()
-    indexed = sum(1 for shape in shapes.values() if shape.state == "indexed")
-    copies = len(files) - len(same)
-    console.print(
-        f"{len(files)} files: {indexed} shapes indexed, {skipped} of them were there already, "
-        f"{copies} files were copies of another, {len(failures)} failed"
+def _say_stopped(work: Intake, stop: BaseException) -> None:
+    why = {ServiceUnreachable: "The service was lost", ServiceError: "The service refuses to go on"}
+    done, total = work.uploaded + work.skipped, len(work.same)
+    notices().print(
+        f"{why.get(type(stop), 'Stopped')}: {done} of {total} shapes are in the collection. "
+        "Run the same command again to go on."
     )
-    for paths in same.values():
-        for copy in paths[1:]:
-            console.print(f"  {copy.name} has the same bytes as {paths[0].name}: one shape")
-    if failures:
+
+
+def _print(summary: dict[str, Any]) -> None:
+    out = results()
+    state = f"{summary['indexed']} indexed" if summary["waited"] else "indexing goes on in the background"
+    out.print(
+        f"{summary['files']} files, {summary['shapes']} shapes: {summary['uploaded']} uploaded, "
+        f"{summary['skipped']} there already; {state}, {len(summary['failed'])} failed."
+    )
+    for copy in summary["copies"][:SHOWN_COPIES]:
+        out.print(f"  {copy['file']} has the same bytes as {copy['same_as']}: one shape")
+    if len(summary["copies"]) > SHOWN_COPIES:
+        out.print(f"  ... and {len(summary['copies']) - SHOWN_COPIES} more copies; --json lists them all")
+    for conflict in summary["label_conflicts"]:
+        out.print(
+            f"  {conflict['file']} is labelled {' and '.join(conflict['labels'])} by its copies; "
+            f"the shape is labelled {conflict['labels'][0]}"
+        )
+    if summary["failed"]:
         table = Table("file", "code", "why")
-        for failure in sorted(failures, key=lambda one: one.file):
-            table.add_row(failure.file, failure.code, failure.detail)
-        console.print(table)
+        for failure in summary["failed"]:
+            table.add_row(failure["file"], failure["code"], failure["detail"])
+        out.print(table)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,14 +10,25 @@ import typer
 from reebase.pipeline import Profile
 
 DEFAULT = Profile()
+URL = "http://127.0.0.1:8000"
 
 Bands = Annotated[int, typer.Option(help="Bands of the Reeb graph.", min=2, max=1024)]
 Denoise = Annotated[str, typer.Option(help="Denoising filter, or 'none'.")]
 Iterations = Annotated[int, typer.Option(help="Iterations of the filter.", min=1)]
-Threshold = Annotated[float, typer.Option(help="Branches with less than this share are pruned.", min=0.0, max=1.0)]
+Threshold = Annotated[float, typer.Option(help="Branches with less than this share are pruned.", min=0.0, max=0.99)]
 Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area or length.")]
 Field = Annotated[str, typer.Option(help="Scalar field: fiedler, eigenfunction:K or height.")]
 Area = Annotated[str, typer.Option(help="Node area: band or ring.")]
 Measure = Annotated[str, typer.Option(help="Dissimilarity: matching, matching_mean, greedy or literal.")]
+Labels = Annotated[
+    Path | None,
+    typer.Option(help="CSV with the columns file, label; by default DIR/labels.csv, else sub-folders are labels."),
+]
+JsonOut = Annotated[
+    Path | None, typer.Option("--json", help="Write the result as JSON here; - is standard output, without the table.")
+]
 Url = Annotated[str, typer.Option(help="Where the service answers.", envvar="REEBASE_URL")]
-Key = Annotated[str | None, typer.Option(help="API key, where the service wants one.", envvar="REEBASE_API_KEY")]
+Key = Annotated[
+    str | None,
+    typer.Option(help="API key, where the service wants one.", envvar="REEBASE_API_KEY", show_envvar=True),
+]

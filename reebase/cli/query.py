@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from reebase.cli import options
+from reebase.cli.output import STDOUT, check_target, results, write_json
 from reebase.client import Answer, Client
 
 
@@ -20,21 +22,35 @@ def query(
     tolerance: Annotated[int, typer.Option(help="Endpoint counts that may differ; -1 for any.", min=-1)] = 2,
     measure: options.Measure = "matching",
     label: Annotated[str | None, typer.Option(help="Only shapes with this label.")] = None,
-    url: options.Url = "http://127.0.0.1:8000",
+    tag: Annotated[list[str] | None, typer.Option(help="Only shapes with this tag; may be repeated.")] = None,
+    max_dissimilarity: Annotated[float | None, typer.Option(help="Only hits at most so far.", min=0)] = None,
+    json_out: options.JsonOut = None,
+    url: options.Url = options.URL,
     api_key: options.Key = None,
 ) -> None:
-    """Rank a collection of the service by its similarity to a mesh."""
-    with Client(url, api_key=api_key) as client:
+    """Rank a collection of the service by its similarity to a mesh.
+
+    Exit code 0: answered, with or without hits. 2: it could not run, or was refused.
+    """
+    check_target(json_out)
+    with Client(url, api_key=api_key, patience=2.0) as client:
         answer = client.query(
-            collection, source=mesh, k=k, tolerance=None if tolerance < 0 else tolerance, measure=measure, label=label
-        )
-    print_answer(answer, Console())
+            collection, source=mesh, k=k, tolerance=None if tolerance < 0 else tolerance, measure=measure,
+            label=label, tags=tag or (), max_dissimilarity=max_dissimilarity,
+        )  # fmt: skip
+    if json_out is not None:
+        write_json(json_out, asdict(answer))
+    if json_out != STDOUT:
+        print_answer(answer, results())
 
 
 def print_answer(answer: Answer, console: Console) -> None:
     """The hits as a table: D, and what it is made of."""
     endpoints = answer.query["endpoint_count"]
     console.print(f"{endpoints} endpoints; {answer.considered} shapes considered")
+    if not answer.hits:
+        console.print("No hits: nothing indexed passes the filters within the tolerance; --tolerance -1 takes all.")
+        return
     table = Table("rank", "shape", "label", "D(G, G~)", "endpoints", "matched pairs (query-hit: distance)", "unmatched")
     for hit in answer.hits:
         pairs = "  ".join(f"{pair.query}-{pair.hit}: {pair.distance:.3f}" for pair in hit.pairs)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from reebase.cli import options
+from reebase.cli.output import STDOUT, check_picture, check_target, results, shown, write_bytes, write_json
 from reebase.pipeline import Description, Profile, describe
 
 
 def skeleton(
     mesh: Annotated[Path, typer.Argument(help="A mesh file.", exists=True, dir_okay=False)],
     picture: Annotated[Path | None, typer.Option(help="Write a picture here (.png or .svg).")] = None,
-    json_out: Annotated[Path | None, typer.Option("--json", help="Write the skeleton as JSON here.")] = None,
+    json_out: options.JsonOut = None,
     bands: options.Bands = options.DEFAULT.bands,
     denoise: options.Denoise = options.DEFAULT.denoise,
     iterations: options.Iterations = options.DEFAULT.iterations,
@@ -26,17 +25,22 @@ def skeleton(
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
 ) -> None:
-    """Skeleton and endpoint features of one mesh."""
+    """Skeleton and endpoint features of one mesh.
+
+    Exit code 0: described. 2: the mesh or an option was refused.
+    """
     profile = Profile(denoise, iterations, field, bands, saliency, threshold, area)
+    check_target(json_out)
+    kind = check_picture(picture)
     found = describe(mesh, profile)
     if json_out is not None:
-        json_out.write_text(json.dumps(_to_json(found)))
+        write_json(json_out, _to_json(found))
     if picture is not None:
         from reebase.pictures import picture as draw
 
-        kind = picture.suffix[1:].lower() or "png"
-        picture.write_bytes(draw(found.denoised, found.skeleton, size=1024, format=kind, title=mesh.name))
-    _print(found, mesh.name)
+        write_bytes(picture, draw(found.denoised, found.skeleton, size=1024, format=kind, title=shown(mesh.name)))
+    if json_out != STDOUT:
+        _print(found, shown(mesh.name))
 
 
 def _to_json(found: Description) -> dict[str, object]:
@@ -57,18 +61,20 @@ def _to_json(found: Description) -> dict[str, object]:
 
 
 def _print(found: Description, name: str) -> None:
-    console = Console()
+    out = results()
     health = found.health
-    console.print(
-        f"[bold]{name}[/]: {health.vertices} vertices, {health.faces} faces, "
+    out.print(
+        f"{name}: {health.vertices} vertices, {health.faces} faces, "
         f"{len(found.skeleton.endpoints)} endpoints, {found.skeleton.cycles} cycles"
     )
     for what, count in health.repairs.items():
         if count:
-            console.print(f"  repaired: {what.replace('_', ' ')}: {count}")
+            out.print(f"  repaired: {what.replace('_', ' ')}: {count}")
     for explanation in health.to_json()["explanations"].values():
-        console.print(f"  note: {explanation}")
+        out.print(f"  note: {explanation}")
     table = Table("endpoint", "node", "relative area", "path lengths", "distance to root")
-    for row, (node, omega) in enumerate(zip(found.skeleton.endpoints, found.features, strict=False)):
-        table.add_row(str(row), str(node), *(f"{value:.4f}" for value in omega))
-    console.print(table)
+    for row, node in enumerate(found.skeleton.endpoints):
+        # Where all paths are of length zero there are endpoints without features.
+        omega = [f"{value:.4f}" for value in found.features[row]] if len(found.features) else ["-"] * 3
+        table.add_row(str(row), str(node), *omega)
+    out.print(table)

@@ -1,0 +1,332 @@
+"""What the service sends, as values. Members that this version does not know are passed over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from datetime import datetime
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.client.errors import ServiceError
+
+__all__ = [
+    "Answer", "Collection", "Counts", "Evaluation", "Failure", "Formats", "Hit", "HitShape", "Matrix", "Measure",
+    "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
+]  # fmt: skip
+
+_Record = TypeVar("_Record")
+Json = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """shapes: in all; states: by state; endpoints: indexed shapes by endpoint count."""
+
+    shapes: int
+    states: dict[str, int]
+    endpoints: dict[int, int]
+
+
+@dataclass(frozen=True)
+class Collection:
+    """A named set of shapes that went through one profile of the pipeline."""
+
+    name: str
+    description: str
+    profile: dict[str, Any]
+    profile_key: str
+    counts: Counts
+    created_at: datetime
+    updated_at: datetime
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a task failed: a stable code, words, and what a program may want."""
+
+    code: str
+    detail: str
+    details: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """The stage that runs, and the fraction of the whole that is done, 0 to 1."""
+
+    stage: str | None
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh in a collection.
+
+    state: queued, running, indexed, failed or cancelled; error: why it failed; task: the id of the task that the
+    state follows. sha256, bytes: of the upload. endpoint_count: None until it is described. flags: what is
+    unusual, explained in the health report.
+    """
+
+    id: str
+    collection: str
+    name: str
+    label: str | None
+    tags: tuple[str, ...]
+    metadata: dict[str, Any]
+    state: str
+    sha256: str
+    bytes: int
+    format: str
+    filename: str | None
+    endpoint_count: int | None
+    flags: tuple[str, ...]
+    task: str | None
+    error: Failure | None
+    created_at: datetime
+    updated_at: datetime
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is neither waiting nor being described."""
+        return self.state in ("indexed", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class Task:
+    """Work in the background. state: queued, running, succeeded, failed or cancelled.
+
+    kind: describe, query or evaluate. result: of a query by mesh, the answer as JSON.
+    """
+
+    id: str
+    kind: str
+    state: str
+    progress: Progress
+    collection: str | None
+    shape: str | None
+    error: Failure | None
+    result: dict[str, Any] | None
+    attempt: int
+    crashes: int
+    cancel_requested: bool
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+
+    @property
+    def ended(self) -> bool:
+        return self.state in ("succeeded", "failed", "cancelled")
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What an upload led to. task: what describes the shape; created: False when these bytes were there already."""
+
+    shape: Shape
+    task: Task | None
+    created: bool
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A matched pair of endpoints, by their rows in the two feature arrays, and Phi, their distance."""
+
+    query: int
+    hit: int
+    distance: float
+
+
+@dataclass(frozen=True)
+class Unmatched:
+    """An endpoint without a partner, and what it adds to D."""
+
+    endpoint: int
+    charge: float
+
+
+@dataclass(frozen=True)
+class HitShape:
+    """The shape of a hit."""
+
+    id: str
+    name: str
+    label: str | None
+    tags: tuple[str, ...]
+    metadata: dict[str, Any]
+    filename: str | None
+    format: str
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A ranked shape with its dissimilarity D(G, G~) and the reasons for it.
+
+    note: where D is more than the sum of what is listed, how.
+    """
+
+    rank: int
+    shape: HitShape
+    dissimilarity: float
+    endpoint_count: int
+    pairs: tuple[Pair, ...]
+    unmatched_query: tuple[Unmatched, ...]
+    unmatched_hit: tuple[Unmatched, ...]
+    note: str | None = None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Hits from most to least similar, ties by id.
+
+    query: as it was understood, with its ``features`` and ``endpoint_count``. considered: shapes that were
+    compared; buckets: endpoint count -> how many of these. took_ms: on the server.
+    """
+
+    query: dict[str, Any]
+    hits: tuple[Hit, ...]
+    considered: int
+    buckets: dict[int, int]
+    took_ms: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """An evaluation and its task. report: None until that succeeded."""
+
+    id: str
+    task: Task
+    request: dict[str, Any]
+    report: dict[str, Any] | None
+    created_at: datetime
+
+
+@dataclass(frozen=True, eq=False)
+class Matrix:
+    """D of all pairs, float64, (n, n), row = query; row and column i belong to ``items[i]`` (name, label, ...)."""
+
+    items: tuple[dict[str, Any], ...]
+    values: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ServiceLimits:
+    """What a request may hold. Sizes in bytes, times in seconds."""
+
+    max_upload_bytes: int
+    max_vertices: int
+    max_faces: int
+    max_json_bytes: int
+    max_k: int
+    max_batch: int
+    max_page: int
+    max_wait_seconds: float
+    max_name_length: int
+    max_label_length: int
+    max_tags: int
+    max_tag_length: int
+    max_metadata_bytes: int
+
+
+@dataclass(frozen=True)
+class Formats:
+    """read: name -> media type of what can be uploaded; written: what meshes are given back in."""
+
+    read: dict[str, str]
+    written: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of D."""
+
+    name: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Readiness:
+    """worker_seen_at: when a worker last worked, None when none did yet; queued: tasks that wait."""
+
+    status: str
+    version: str
+    worker_seen_at: datetime | None
+    queued: int
+
+
+_TUPLES = frozenset({"tags", "flags", "written"})
+_MOMENTS = frozenset({"created_at", "updated_at", "started_at", "finished_at", "worker_seen_at"})
+
+
+def _plain(name: str, value: Any) -> Any:
+    if value is None:
+        return None
+    if name in _TUPLES:
+        return tuple(value)
+    return datetime.fromisoformat(value) if name in _MOMENTS else value
+
+
+def record(kind: type[_Record], values: Json, **ready: Any) -> _Record:
+    """A record from a JSON object; ``ready``: members that are records themselves."""
+    known = {f.name for f in fields(kind)}  # type: ignore[arg-type]  # every record here is a dataclass
+    found = {name: _plain(name, value) for name, value in values.items() if name in known and name not in ready}
+    return kind(**found, **ready)
+
+
+def collection_of(values: Json) -> Collection:
+    counts = values["counts"]
+    endpoints = {int(count): shapes for count, shapes in counts["endpoints"].items()}
+    return record(Collection, values, counts=Counts(counts["shapes"], counts["states"], endpoints))
+
+
+def _failure(values: Json | None) -> Failure | None:
+    return None if values is None else Failure(values["code"], values["detail"], values.get("details") or {})
+
+
+def shape_of(values: Json) -> Shape:
+    return record(Shape, values, error=_failure(values["error"]))
+
+
+def task_of(values: Json) -> Task:
+    return record(
+        Task, values, progress=record(Progress, values["progress"]), error=_failure(values["error"])
+    )
+
+
+def upload_of(values: Json, created: bool) -> Upload:
+    task = values["task"]
+    return Upload(shape_of(values["shape"]), None if task is None else task_of(task), created)
+
+
+def _hit(values: Json) -> Hit:
+    return record(
+        Hit, values, shape=record(HitShape, values["shape"]),
+        pairs=tuple(record(Pair, pair) for pair in values["pairs"]),
+        unmatched_query=tuple(record(Unmatched, one) for one in values["unmatched_query"]),
+        unmatched_hit=tuple(record(Unmatched, one) for one in values["unmatched_hit"]),
+    )  # fmt: skip
+
+
+def answer_of(values: Json) -> Answer:
+    return record(
+        Answer, values, hits=tuple(_hit(hit) for hit in values["hits"]),
+        buckets={bucket["endpoint_count"]: bucket["shapes"] for bucket in values["buckets"]},
+    )  # fmt: skip
+
+
+def outcome_of(values: Json) -> Answer | ServiceError:
+    """One item of a batch."""
+    if values["answer"] is not None:
+        return answer_of(values["answer"])
+    return ServiceError(values["problem"].get("status"), values["problem"])
+
+
+def evaluation_of(values: Json) -> Evaluation:
+    return record(Evaluation, values, task=task_of(values["task"]))
+
+
+def field_of(values: Json) -> npt.NDArray[np.float64]:
+    return np.array([math.nan if one is None else one for one in values["values"]], dtype=np.float64)
