@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 from reebase.errors import MissingPackage, ReebaseError
@@ -36,10 +35,6 @@ def main() -> None:
         app()
     except ReebaseError as refusal:
         _refuse(f"{refusal.message} [{refusal.code}]", *_values(refusal))
-    except BrokenPipeError:
-        # Whoever read our output has gone, as `head` does; nothing is left to say, not even at the interpreter's end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
     except OSError as failure:
         where = f": {failure.filename}" if failure.filename is not None else ""
         _refuse(f"{failure.strerror or failure}{where}")

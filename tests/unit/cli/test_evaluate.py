@@ -1,0 +1,157 @@
+"""`reebase evaluate`: a folder in, a report out, and what happens when something is wrong with either."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from reebase.cli import describing
+from reebase.cli.describing import Refusal, descriptions
+from reebase.matching import MEASURES
+from reebase.mesh.write import write
+from reebase.pipeline import Profile, describe
+from tests.command import Command
+from tests.shapes import capsule, torus
+
+SCORES = {"nn", "first_tier", "second_tier", "e_measure", "dcg", "map"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Three capsules and three tori, in sub-folders by class."""
+    for label in ("capsules", "tori"):
+        (tmp_path / "set" / label).mkdir(parents=True)
+    for number in range(3):
+        write(capsule(3 + 0.2 * number, nu=10, along=14, nv=4), tmp_path / f"set/capsules/{number}.off")
+        write(torus(1, 0.3 + 0.02 * number, 24, 10), tmp_path / f"set/tori/{number}.ply")
+    return tmp_path / "set"
+
+
+def report_of(command: Command, folder: Path, *options: object, code: int = 0) -> dict[str, Any]:
+    ran = command("evaluate", folder, "--bands", 24, "--bootstrap", 10, "--json", "-", *options)
+    assert ran.code == code, ran
+    report: dict[str, Any] = json.loads(ran.out)
+    return report
+
+
+def test_the_report_holds_what_is_promised(command: Command, folder: Path) -> None:
+    report = report_of(command, folder, "--jobs", 1)
+    assert set(report["overall"]) == SCORES
+    assert set(report["per_class"]) == {"capsules", "tori"}
+    assert set(report["per_class"]["tori"]) > SCORES
+    assert {"recall", "precision", "eleven_point"} == set(report["precision_recall"])
+    assert report["overall"]["nn"] == 1.0
+    assert (report["descriptor"], report["measure"], report["shapes"], report["failed"]) == ("srg", "matching", 6, {})
+    assert report["profile"]["bands"] == 24
+    assert "matrix" not in report
+
+
+def test_the_matrix_is_there_when_asked_for_and_jobs_change_nothing(command: Command, folder: Path) -> None:
+    one = report_of(command, folder, "--matrix", "--jobs", 1)
+    two = report_of(command, folder, "--matrix", "--jobs", 2)
+    assert one == two
+    ids = [f"{label}/{n}.{kind}" for label, kind in (("capsules", "off"), ("tori", "ply")) for n in range(3)]
+    assert one["matrix"]["ids"] == ids
+    assert [len(row) for row in one["matrix"]["values"]] == [6] * 6
+
+
+@pytest.mark.parametrize("measure", sorted(MEASURES))
+def test_each_measure_is_known(command: Command, folder: Path, measure: str) -> None:
+    assert report_of(command, folder, "--jobs", 1, "--measure", measure)["measure"] == measure
+
+
+def test_the_table_goes_to_a_pipe_one_row_a_line(command: Command, folder: Path, tmp_path: Path) -> None:
+    target, plot = tmp_path / "out.json", tmp_path / "curve.svg"
+    ran = command("evaluate", folder, "--bands", 24, "--jobs", 1, "--json", target, "--plot", plot)
+    assert ran.code == 0, ran
+    assert sum("capsules" in line for line in ran.out.splitlines()) == 1
+    assert "\x1b" not in ran.out + ran.err
+    assert set(json.loads(target.read_text())["overall"]) == SCORES
+    assert plot.read_text().startswith("<?xml")
+    assert "describing: 6/6" in ran.err
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_meshes_that_fail_are_told_and_the_others_evaluated(command: Command, folder: Path) -> None:
+    (folder / "tori" / "broken[red].stl").write_text("this is no mesh")
+    (folder / "tori" / "dead.off").symlink_to("nowhere")
+    (folder / "tori" / "empty.obj").touch()
+    report = report_of(command, folder, code=1)
+    assert {name: failure["code"] for name, failure in report["failed"].items()} == {
+        "tori/broken[red].stl": "malformed_file", "tori/dead.off": "unreadable", "tori/empty.obj": "empty_file",
+    }  # fmt: skip
+    assert report["shapes"] == 6
+    ran = command("evaluate", folder, "--bands", 24, "--jobs", 1)
+    row = next(line for line in ran.out.splitlines() if "broken[red]" in line)
+    assert "malformed_file" in row
+
+
+def test_files_of_the_table_that_are_absent_are_told_and_files_without_label_take_no_part(
+    command: Command, folder: Path
+) -> None:
+    rows = [f"capsules/{n}.off,long" for n in range(3)] + ["tori/0.ply,round", "tori/1.ply,round", "gone.ply,round"]
+    (folder / "labels.csv").write_text("\r\n".join(["file,label", *rows]))
+    report = report_of(command, folder, "--jobs", 1, code=1)
+    assert report["failed"]["gone.ply"]["code"] == "file_not_found"
+    assert (report["shapes"], report["without_label"]) == (5, 1)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (("--measure", "best"), "matching_mean"),
+        (("--descriptor", "dna"), "srg"),
+        (("--denoise", "magic"), "finite_volume"),
+        (("--field", "colour"), "fiedler"),
+        (("--json", "/nowhere/out.json"), "no folder /nowhere"),
+        (("--json", "/"), "is a folder"),
+        (("--plot", "curve.pdf"), "svg"),
+        (("--labels", "/nowhere/labels.csv"), "could not be read"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_any_mesh_is_read(
+    command: Command, folder: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], complaint: str
+) -> None:
+    def early(*_: object) -> None:
+        raise AssertionError("a mesh was read")
+
+    monkeypatch.setattr(import_module("reebase.cli.evaluate"), "descriptions", early)
+    ran = command("evaluate", folder, *options)
+    assert (ran.code, ran.out) == (2, "")
+    assert complaint in ran.err
+    assert ran.err.startswith("reebase: ")
+
+
+def test_labels_that_never_occur_twice_are_refused_early(command: Command, tmp_path: Path) -> None:
+    write(capsule(), tmp_path / "a.off")
+    ran = command("evaluate", tmp_path)
+    assert ran.code == 2
+    assert "no two meshes have the same label" in ran.err
+
+
+def deadly(path: Path, profile: Profile) -> Any:
+    if path.name == "1.off":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return describe(path, profile)
+
+
+def prepare_deadly() -> None:
+    describing.describe = deadly  # type: ignore[assignment]
+
+
+def test_a_mesh_that_kills_its_process_fails_alone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(describing, "_prepare", prepare_deadly)
+    files = sorted(folder.rglob("*.*"))
+    found = dict(descriptions(files, Profile(bands=24), "srg", 2))
+    assert sorted(found) == files
+    dead = [path.name for path, outcome in found.items() if isinstance(outcome, Refusal)]
+    assert dead == ["1.off"]
+    refusal = found[folder / "capsules" / "1.off"]
+    assert isinstance(refusal, Refusal)
+    assert refusal.code == "worker_died"
