@@ -181,8 +181,5 @@ def _change(conn: Connection, collection: Collection, values: Mapping[str, Any])
     changed = update_rows(table).where(table.c.id == collection.id).values({**values, "profile_key": key})
     row = conn.execute(changed.returning(table)).mappings().one()
     if key != collection.profile_key:
-        tasks.cancel_live(conn, collection_id=collection.id, kind="describe")
-        shapes = select(shape_table.c.id).where(shape_table.c.collection_id == collection.id)
-        for shape_id in conn.execute(shapes.order_by(shape_table.c.id)).scalars().all():
-            tasks.enqueue(conn, "describe", collection_id=collection.id, shape_id=shape_id)
+        tasks.describe_anew(conn, collection.id)
     return Collection(**row)

@@ -8,6 +8,7 @@ In the caller's transaction
   ``enqueue(conn, kind, *, collection_id, shape_id, params, blob) -> Task``
   ``get(conn, task_id)``, ``list_page(conn, *, limit, cursor, state, kind, collection_id, shape_id)``
   ``cancel(conn, task_id)``, ``retry(conn, task_id)``, ``cancel_live(conn, *, shape_id, ...)``
+  ``describe_anew(conn, collection_id)``
   ``succeed(conn, task, result)``, ``fail(conn, task, code, detail)``, ``cancelled(conn, task)``:
   raise StaleClaim unless the claim still holds
 In transactions of their own: ``DatabaseQueue(database, settings)``
@@ -24,7 +25,7 @@ from collections.abc import Collection as Some
 from collections.abc import Mapping
 from typing import Any, Literal, Protocol
 
-from sqlalchemy import Connection, Update, and_, exists, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Update, and_, bindparam, exists, or_, select, update
 from sqlalchemy.exc import IntegrityError
 
 from store.engine import Database
@@ -36,8 +37,8 @@ from store.tables import shape as shape_table
 from store.tables import task as table
 
 __all__ = [
-    "DatabaseQueue", "TaskQueue", "cancel", "cancel_live", "cancelled", "enqueue", "fail", "get", "list_page",
-    "release_all", "retry", "succeed", "task_of_row",
+    "DatabaseQueue", "TaskQueue", "cancel", "cancel_live", "cancelled", "describe_anew", "enqueue", "fail", "get",
+    "list_page", "release_all", "retry", "succeed", "task_of_row",
 ]  # fmt: skip
 
 Heartbeat = Literal["ok", "cancel", "lost"]
@@ -48,6 +49,7 @@ _PRIORITY: dict[str, int] = {"query": 0, "describe": 1, "evaluate": 1}
 _LIVE = ("queued", "running")
 _NOT_HELD: dict[str, Any] = {"worker": None, "lease_until": None}
 _FRESH: dict[str, Any] = {"stage": None, "fraction": 0.0}
+_MANY = 500  # ids in one statement
 WORKER_DIED = "worker_died"
 
 
@@ -118,6 +120,32 @@ def enqueue(
     return task
 
 
+def describe_anew(conn: Connection, collection_id: str) -> None:
+    """Queues a description of every shape of a collection, in place of those that are queued or running.
+
+    In few statements however many shapes there are: other writers wait meanwhile.
+    """
+    mine = and_(table.c.collection_id == collection_id, table.c.kind == "describe", table.c.state.in_(_LIVE))
+    conn.execute(_cancelling().where(mine))
+    shapes = select(shape_table.c.id).where(shape_table.c.collection_id == collection_id)
+    rows = [
+        {
+            "id": new_id(), "kind": "describe", "state": "queued", "priority": _PRIORITY["describe"],
+            "collection_id": collection_id, "shape_id": shape_id, "params": {}, "fraction": 0.0, "attempt": 0,
+            "crashes": 0, "cancel_requested": 0,
+        }
+        for shape_id in conn.execute(shapes.order_by(shape_table.c.id)).scalars()
+    ]  # fmt: skip
+    if rows:
+        conn.execute(insert(conn, table).values(created_at=now()), rows)
+    live = select(table.c.id).where(mine, table.c.shape_id == shape_table.c.id).scalar_subquery()
+    conn.execute(
+        update(shape_table)
+        .where(shape_table.c.collection_id == collection_id)
+        .values(task_id=live, state="queued", updated_at=now())
+    )
+
+
 def get(conn: Connection, task_id: str) -> Task:
     """Raises TaskNotFound."""
     row = conn.execute(select(table).where(table.c.id == task_id)).mappings().first()
@@ -162,17 +190,15 @@ def cancel_live(
     *,
     shape_id: str | None = None,
     collection_id: str | None = None,
-    kind: str | None = None,
 ) -> list[Task]:
-    """Cancels at once whatever is queued or running for a shape or collection that goes away or changes.
+    """Cancels at once whatever is queued or running for a shape or collection that goes away.
 
     A running task is taken from its worker: the next heartbeat is "lost", and its result is refused.
     """
     if (shape_id is None) == (collection_id is None):
         raise ValueError("Give either a shape or a collection.")
     whose = table.c.shape_id == shape_id if shape_id is not None else table.c.collection_id == collection_id
-    which = and_(whose, table.c.state.in_(_LIVE))
-    return _move(conn, _cancelling().where(which if kind is None else and_(which, table.c.kind == kind)))
+    return _move(conn, _cancelling().where(whose, table.c.state.in_(_LIVE)))
 
 
 def retry(conn: Connection, task_id: str) -> Task:
@@ -242,13 +268,13 @@ class DatabaseQueue:
         Queries first, then the oldest. Before that, tasks whose lease ended are taken from their
         workers: back into the queue, or failed as ``worker_died`` at the last allowed crash.
         """
-        waiting = table.c.state == "queued"
+        waiting = _is("queued")
         if kinds is not None:
             waiting = and_(waiting, table.c.kind.in_(list(kinds)))
-        expired = and_(table.c.state == "running", table.c.lease_until < now())
+        expired = and_(_is("running"), table.c.lease_until < now())
         with self._database.read() as conn:
             # An idle worker polls: it must not take the write lock for nothing.
-            if not conn.execute(select(exists().where(or_(waiting, expired)))).scalar_one():
+            if not conn.execute(select(or_(exists().where(waiting), exists().where(expired)))).scalar_one():
                 return None
         with self._database.write() as conn:
             self._take_back(conn, expired)
@@ -300,6 +326,12 @@ class DatabaseQueue:
         ]
 
 
+def _is(state: str) -> ColumnElement[bool]:
+    # Written out and not bound: SQLite uses a partial index only where its condition stands in the statement,
+    # and an idle worker that polls must not walk through the tasks of years.
+    return table.c.state == bindparam("state", state, literal_execute=True, unique=True)
+
+
 def _held(task: Task) -> Any:
     return and_(table.c.id == task.id, table.c.attempt == task.attempt, table.c.state == "running")
 
@@ -333,12 +365,15 @@ def _fenced(conn: Connection, task: Task, change: Update) -> Task:
 def _move(conn: Connection, change: Update) -> list[Task]:
     """Changes tasks, and the shapes whose state follows them."""
     tasks = [task_of_row(row) for row in conn.execute(change.returning(table)).mappings()]
+    following: dict[str, list[str]] = {}
     for task in tasks:
         if task.kind == "describe":
-            state = "indexed" if task.state == "succeeded" else task.state
+            following.setdefault("indexed" if task.state == "succeeded" else task.state, []).append(task.id)
+    for state, ids in following.items():
+        for start in range(0, len(ids), _MANY):
             conn.execute(
                 update(shape_table)
-                .where(shape_table.c.task_id == task.id, shape_table.c.state != state)
+                .where(shape_table.c.task_id.in_(ids[start : start + _MANY]), shape_table.c.state != state)
                 .values(state=state, updated_at=now())
             )
     return tasks

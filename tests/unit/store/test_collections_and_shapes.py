@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sqlalchemy import event
 
 from reebase.errors import ParameterError, ReebaseError, UnknownName
 from reebase.pipeline import Profile
@@ -89,6 +90,23 @@ def test_another_profile_queues_every_shape_anew(
     assert queue.heartbeat(held, "read", 0.2) == "lost"
     claimed = [queue.claim("w") for _ in range(4)]
     assert [task and task.shape_id for task in claimed] == [described.id, running.id, waiting.id, None]
+
+
+def test_another_profile_takes_few_statements_however_many_shapes_there_are(
+    database: Database, collection: Collection, upload: Upload
+) -> None:
+    def statements(bands: int) -> int:
+        asked: list[object] = []
+        event.listen(database._writer, "before_cursor_execute", lambda *seen: asked.append(seen))
+        with database.write() as conn:
+            collections.update(conn, "ants", profile={"bands": bands})
+        return len(asked)
+
+    upload()
+    few = statements(20)
+    for _ in range(30):
+        upload()
+    assert statements(21) == few
 
 
 def test_an_upgrade_of_the_pipeline_queues_what_older_versions_described(

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import func, select, update
+from sqlalchemy import event, func, select, update
 from sqlalchemy.exc import IntegrityError
 
 from store import results, shapes, tables, tasks
@@ -81,6 +81,29 @@ def test_oldest_first_but_someone_waits_for_a_query(database: Database, queue: t
         query = tasks.enqueue(conn, "query", blob=SHA)
     assert queue.claim("w", kinds=["describe"]) is None
     assert [claimed(queue).id for _ in range(3)] == [query.id, first.id, second.id]
+
+
+def test_claiming_does_not_walk_through_the_tasks_of_the_past(
+    database: Database, queue: tasks.DatabaseQueue, upload: Upload
+) -> None:
+    upload()
+    asked: list[tuple[str, Any]] = []
+    for engine in (database._readers, database._writer):
+        event.listen(engine, "before_cursor_execute", lambda *seen: asked.append(seen[2:4]))
+    claimed(queue)
+    plans = [
+        (statement, row[3])
+        for statement, parameters in asked.copy()
+        if "FROM task" in statement or "UPDATE task" in statement
+        for row in _plan(database, statement, parameters)
+    ]
+    assert len({statement for statement, _ in plans}) == 5
+    assert [step for _, step in plans if step == "SCAN task"] == []
+
+
+def _plan(database: Database, statement: str, parameters: Any) -> list[Any]:
+    with database.read() as conn:
+        return list(conn.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters))
 
 
 def test_an_uncommitted_task_is_not_there(database: Database, queue: tasks.DatabaseQueue) -> None:
