@@ -36,7 +36,7 @@ def demo(
         str | None, typer.Option(help="A running service; by default one is started for the time of the demo.")
     ] = None,
     collection: Annotated[str, typer.Option(help="The collection to fill.")] = "demo",
-    per_class: Annotated[int, typer.Option(help="Shapes of each of the ten classes.", min=2, max=200)] = 25,
+    per_class: Annotated[int, typer.Option(help="Shapes of each of the ten classes.", min=1, max=200)] = 25,
     seed: Annotated[int, typer.Option(help="The same seed gives the same shapes.", min=0)] = 0,
     query: Annotated[str, typer.Option(help="Name of the shape to query with.")] = "humans-00",
     picture: Annotated[

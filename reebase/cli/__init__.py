@@ -32,7 +32,7 @@ for command in (skeleton, evaluate, ingest, query):
 def main() -> None:
     """Run the command line; a refusal is one line on standard error and exit code 2, never a traceback."""
     try:
-        app()
+        app(prog_name="reebase")
     except ReebaseError as refusal:
         _refuse(f"{refusal.message} [{refusal.code}]", *_values(refusal))
     except OSError as failure:

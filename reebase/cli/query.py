@@ -18,7 +18,7 @@ from reebase.client import Answer, Client
 def query(
     mesh: Annotated[Path, typer.Argument(help="A mesh file; it is not kept.", exists=True, dir_okay=False)],
     collection: Annotated[str, typer.Option(help="The collection to search.")],
-    k: Annotated[int, typer.Option(help="How many shapes to return.", min=1)] = 10,
+    k: Annotated[int, typer.Option("--k", "-k", help="How many shapes to return.", min=1)] = 10,
     tolerance: Annotated[int, typer.Option(help="Endpoint counts that may differ; -1 for any.", min=-1)] = 2,
     measure: options.Measure = "matching",
     label: Annotated[str | None, typer.Option(help="Only shapes with this label.")] = None,
