@@ -57,7 +57,7 @@ class Client:
     Raises ParameterError for an url or a key that cannot be one.
 
     Every method raises ServiceError when the service refuses (``code`` says why: ``collection_not_found``,
-    ``invalid_request``, ...), ServiceUnreachable when nobody answers, UnexpectedReply when something else does.
+    ``validation_error``, ...), ServiceUnreachable when nobody answers, UnexpectedReply when something else does.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Client:
         """Make a collection; with ``exist_ok`` one that is there is returned as it is.
 
         profile: parameters of the pipeline that shall differ from the defaults, as ``{"bands": 64}``.
-        Raises ServiceError: ``collection_exists``, ``invalid_request``, ``unknown_name``.
+        Raises ServiceError: ``collection_exists``, ``validation_error``, ``unknown_name``.
         """
         if exist_ok:
             # First a look, because a key of this collection alone may not make any.
@@ -313,7 +313,7 @@ class Client:
 
         synthetic: its options, as ``{"per_class": 25, "seed": 0}``; profile: of the pipeline, for the synthetic set.
         Then ``wait(evaluation.task)`` and ``evaluation(evaluation.id).report``.
-        Raises ServiceError: ``invalid_request``, ``unknown_name``, ``collection_not_found``.
+        Raises ServiceError: ``validation_error``, ``unknown_name``, ``collection_not_found``.
         """
         body = _given({
             "collection": collection, "synthetic": None if synthetic is None else dict(synthetic),
