@@ -12,7 +12,7 @@ import numpy.typing as npt
 from reebase.errors import ParameterError
 from reebase.mesh.topology import Rings
 
-__all__ = ["Choice", "Filter", "Number", "Step", "Surface"]
+__all__ = ["Choice", "Filter", "Number", "Ruled", "Step", "Surface"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -25,11 +25,13 @@ class Surface:
     """What a filter is prepared with; lengths are in mean edge lengths of the mesh that came in.
 
     positions: (m, 3), where the vertices are before the first step. faces: int32, (n, 3). rings: built once.
+    unit: that mean edge length in the mesh's own units, for what is printed in raw units.
     """
 
     positions: FloatArray
     faces: npt.NDArray[np.int32]
     rings: Rings
+    unit: float
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,11 @@ class Number:
 class Choice:
     """A parameter with one of a few values."""
 
-    default: str | bool
-    options: tuple[str | bool, ...]
+    default: str | bool | int
+    options: tuple[str | bool | int, ...]
     meaning: str
 
-    def check(self, name: str, value: Any) -> str | bool:
+    def check(self, name: str, value: Any) -> str | bool | int:
         """The value. Raises ParameterError."""
         for option in self.options:
             if type(option) is type(value) and option == value:
@@ -71,6 +73,30 @@ class Choice:
             f"{name} must be one of {', '.join(map(repr, self.options))}; found {value!r}.",
             parameter=name, found=repr(value),
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ruled:
+    """A real parameter in a ``Number``'s interval, or the name of the rule that finds it from the mesh.
+
+    ruled: whether the default is the rule, and not the number's.
+    """
+
+    rule: str
+    number: Number
+    meaning: str
+    ruled: bool = True
+
+    @property
+    def default(self) -> str | float:
+        """The rule, or the number's default."""
+        return self.rule if self.ruled else self.number.default
+
+    def check(self, name: str, value: Any) -> str | float:
+        """The rule, or the value as a float. Raises ParameterError."""
+        if isinstance(value, str):
+            return str(Choice(self.rule, (self.rule,), self.meaning).check(name, value))
+        return self.number.check(name, value)
 
 
 @dataclass(frozen=True)
@@ -83,7 +109,7 @@ class Filter:
     name: str
     summary: str
     prepare: Callable[[Surface, Mapping[str, Any]], Step]
-    parameters: Mapping[str, Number | Choice] = field(default_factory=dict)
+    parameters: Mapping[str, Number | Choice | Ruled] = field(default_factory=dict)
 
     def checked(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Every parameter by name, the given ones checked and the others at their defaults. Raises

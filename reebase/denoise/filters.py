@@ -7,16 +7,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from reebase.denoise.anisotropic import ANISOTROPIC
+from reebase.denoise.bilateral import BILATERAL
 from reebase.denoise.filter import Filter, FloatArray, Surface
 from reebase.denoise.finite_volume import FINITE_VOLUME
+from reebase.denoise.graph_diffusion import GRAPH_P_LAPLACIAN, UNIFORM
+from reebase.denoise.kernel_diffusion import KERNEL
 from reebase.denoise.laplacian import LAPLACIAN
+from reebase.denoise.mean_median import ANGLE_MEDIAN, MEAN
+from reebase.denoise.multiscale_anisotropic import MULTISCALE_ANISOTROPIC
+from reebase.denoise.weighted_laplacian import WEIGHTED_LAPLACIAN
 from reebase.errors import ParameterError, unknown_name
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import Rings, rings
 
 __all__ = ["BOUNDARIES", "METHODS", "denoise"]
 
-METHODS: dict[str, Filter] = {entry.name: entry for entry in (FINITE_VOLUME, LAPLACIAN)}
+METHODS: dict[str, Filter] = {
+    entry.name: entry
+    for entry in (
+        LAPLACIAN, MEAN, ANGLE_MEDIAN, WEIGHTED_LAPLACIAN, BILATERAL, ANISOTROPIC, GRAPH_P_LAPLACIAN, KERNEL, UNIFORM,
+        FINITE_VOLUME, MULTISCALE_ANISOTROPIC,
+    )
+}  # fmt: skip
 """Every filter by name."""
 
 BOUNDARIES = {
@@ -57,7 +70,7 @@ def denoise(
     start, scale = framed(mesh.vertices, around)
     if scale == 0:
         return mesh
-    step = METHODS[method].prepare(Surface(start, mesh.faces, around), checked)
+    step = METHODS[method].prepare(Surface(start, mesh.faces, around, scale), checked)
     curve, along = around.boundary_curve
     positions = start
     for _ in range(iterations):

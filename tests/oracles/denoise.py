@@ -96,3 +96,249 @@ def visual_error(first: Mesh, second: Mesh) -> float:
             delta = delta - sum(first.vertices[j] - second.vertices[j] for j in neighbours) / len(neighbours)
         total += delta @ delta
     return total / (2 * len(first.vertices))
+
+
+def unit(vector: FloatArray) -> FloatArray:
+    """The vector at length 1; zero stays zero."""
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 0 else vector
+
+
+def normal(vertices: FloatArray, triangle: tuple[int, int, int]) -> FloatArray:
+    """The unit normal of a triangle, zero without area."""
+    p, q, r = (vertices[v] for v in triangle)
+    return unit(np.cross(q - p, r - p))
+
+
+def vertex_normal(mesh: Mesh, i: int, *, by_area: bool = False) -> FloatArray:
+    """The mean of the normals round a vertex, normalised (1.3)."""
+    v = mesh.vertices
+    return unit(
+        sum(normal(v, t) * (area(v, t) if by_area else 1.0) for t in one_ring(mesh, i)[1]) + np.zeros(3)
+    )
+
+
+def all_rings(mesh: Mesh) -> list[list[int]]:
+    """The neighbours of each vertex."""
+    return [one_ring(mesh, i)[0] for i in range(len(mesh.vertices))]
+
+
+def within(rings: list[list[int]], i: int, hops: int) -> set[int]:
+    """The vertices within ``hops`` edges of i, itself included."""
+    found = {i}
+    for _ in range(hops):
+        found |= {j for v in found for j in rings[v]}
+    return found
+
+
+def normals_voting(mesh: Mesh, vote: str) -> FloatArray:
+    """Positions after one step of (1.9)-(1.11), vote: "mean" or "angle_median"; every vertex free, (m, 3)."""
+    v = mesh.vertices
+    triangles = [tuple(int(x) for x in face) for face in mesh.faces]
+    areas = [area(v, t) for t in triangles]
+    normals = [normal(v, t) for t in triangles]
+    voted = []
+    for i, t in enumerate(triangles):
+        others = [k for k, s in enumerate(triangles) if k != i and set(s) & set(t)]
+        if vote == "mean":
+            voted.append(unit(sum(areas[k] * normals[k] for k in others) + np.zeros(3)))
+        else:
+            def angle(k: int, own: FloatArray = normals[i]) -> float:
+                return math.atan2(float(np.linalg.norm(np.cross(own, normals[k]))), float(own @ normals[k]))
+            ordered = sorted(others, key=angle)
+            voted.append(normals[ordered[(len(ordered) - 1) // 2]])
+    result = v.copy()
+    for i in range(len(v)):
+        around = [k for k, t in enumerate(triangles) if i in t]
+        if around:
+            move = sum(
+                areas[k] * ((sum(v[x] for x in triangles[k]) / 3 - v[i]) @ voted[k]) * voted[k] for k in around
+            )
+            result[i] += move / sum(areas[k] for k in around)
+    return result
+
+
+def weighted_laplacian(mesh: Mesh, step: float = 1.0, largest: float = 20 / math.sqrt(3)) -> FloatArray:
+    """Positions after one step of (1.12) with clamped cotangents, every vertex free, (m, 3)."""
+    v = mesh.vertices
+    result = v.copy()
+    for i in range(len(v)):
+        neighbours, triangles = one_ring(mesh, i)
+        move, total = np.zeros(3), 0.0
+        for j in neighbours:
+            w = 0.0
+            for t in triangles:
+                if j in t:
+                    (k,) = set(t) - {i, j}
+                    p, q = v[i] - v[k], v[j] - v[k]
+                    w += p @ q / np.linalg.norm(np.cross(p, q))
+            w = min(max(w, 0.0), largest)
+            move += w * (v[j] - v[i])
+            total += w
+        if total > 0:
+            result[i] += step * move / total
+    return result
+
+
+def bilateral(mesh: Mesh, reach: float = 1.0, sigma_s: float | None = None, *, by_area: bool = False) -> FloatArray:
+    """Positions after one step of (1.13), every vertex free, (m, 3). sigma_s: in mean edge lengths."""
+    v, length = mesh.vertices, mean_edge(mesh)
+    rings = all_rings(mesh)
+    result = v.copy()
+    for i in range(len(v)):
+        n = vertex_normal(mesh, i, by_area=by_area)
+        ball, grown = {i}, True
+        while grown:
+            fresh = {j for k in ball for j in rings[k] if np.linalg.norm(v[j] - v[i]) < 2 * reach * length} - ball
+            ball |= fresh
+            grown = bool(fresh)
+        others = sorted(ball - {i})
+        if not others:
+            continue
+        h = np.array([n @ (v[j] - v[i]) for j in others])
+        sigma = max(float(h.std()) if sigma_s is None else sigma_s * length, 1e-6 * length)
+        near = np.array([(v[j] - v[i]) @ (v[j] - v[i]) for j in others])
+        exponents = near / (2 * (reach * length) ** 2) + h**2 / (2 * sigma**2)
+        w = np.exp(exponents.min() - exponents)
+        result[i] = v[i] + n * (w @ h) / w.sum()
+    return result
+
+
+def anisotropic(mesh: Mesh, step: float = 0.25, c: float | None = None, *, literal: bool = False) -> FloatArray:
+    """Positions after one step of (1.14)-(1.18), every vertex free, (m, 3). c: in mean edge lengths."""
+    v, rings = mesh.vertices, all_rings(mesh)
+    centre = v.mean(axis=0)
+    d = [len(ring) for ring in rings]
+
+    def difference(i: int, j: int) -> FloatArray:
+        if literal:
+            return (v[j] - centre) / math.sqrt(d[j]) - (v[i] - centre) / math.sqrt(d[i])
+        return (v[j] - v[i]) / (d[i] * d[j]) ** 0.25
+
+    gradient = np.array([math.sqrt(sum(difference(i, j) @ difference(i, j) for j in rings[i])) for i in range(len(v))])
+    if c is not None:
+        c = c * mean_edge(mesh)
+    elif literal:
+        c = 2.3849
+    else:
+        c = 2.3849 * 1.4826 * float(np.median(np.abs(gradient - np.median(gradient))))
+    g = 1 / (1 + gradient**2 / c**2)
+    result = v.copy()
+    for i, ring in enumerate(rings):
+        for j in ring:
+            if literal:
+                result[i] += difference(i, j) / math.sqrt(d[i]) * (g[i] + g[j])
+            else:
+                result[i] += step * (v[j] - v[i]) / math.sqrt(d[i] * d[j]) * (g[i] + g[j])
+    return result
+
+
+def noise_level(mesh: Mesh) -> float:
+    """The standard deviation of the noise along the normals, from neighbours' offsets."""
+    v, rings = mesh.vertices, all_rings(mesh)
+    r = [vertex_normal(mesh, i) @ (v[i] - sum(v[j] for j in ring) / len(ring)) for i, ring in enumerate(rings)]
+    found = []
+    for i, ring in enumerate(rings):
+        for j in ring:
+            if i < j:
+                row = dict.fromkeys((i, j, *ring, *rings[j]), 0.0)
+                for end, sign in ((i, 1), (j, -1)):
+                    row[end] += sign
+                    for k in rings[end]:
+                        row[k] -= sign / len(rings[end])
+                found.append(abs(r[i] - r[j]) / math.sqrt(sum(x * x for x in row.values())))
+    return 1.4826 * float(np.median(found))
+
+
+def graph_diffusion(
+    mesh: Mesh, start: FloatArray, *, weights: str = "local", p: float = 1.0, step: float = 0.9,
+    fitting: float | None = 0.0, sigma: float = 0.0, literal: bool = False,
+) -> FloatArray:  # fmt: skip
+    """Positions after one step of (2.19)-(2.24), or "uniform", every vertex free, (m, 3).
+
+    start: phi_0. fitting: lambda, or None for Morozov's with the noise ``sigma``.
+    """
+    v, rings = mesh.vertices, all_rings(mesh)
+    m = len(v)
+    rows = [sorted(within(rings, i, 2) - {i}) for i in range(m)] if weights == "nonlocal" else rings
+    spread = np.mean([(v[j] - v[i]) @ (v[j] - v[i]) for i in range(m) for j in rings[i]])
+    patch = []
+    for i in range(m):
+        h = np.array([vertex_normal(mesh, i) @ (v[j] - v[i]) for j in rings[i]])
+        patch.append(np.array([h.mean(), math.sqrt((h**2).mean())]))
+    alike = np.mean([(patch[i] - patch[j]) @ (patch[i] - patch[j]) for i in range(m) for j in rows[i]])
+
+    def weight(i: int, j: int) -> float:
+        if weights == "uniform":
+            return 1 / len(rings[i])
+        exponent = (v[i] - v[j]) @ (v[i] - v[j]) / spread
+        if weights == "nonlocal":
+            exponent += (patch[i] - patch[j]) @ (patch[i] - patch[j]) / alike
+        return math.exp(-exponent)
+
+    gradient = np.array([
+        math.sqrt(sum(weight(i, j) * (v[j] - v[i]) @ (v[j] - v[i]) for j in rows[i])) for i in range(m)
+    ])  # fmt: skip
+    g = (gradient**2 + (1e-3 * np.median(gradient)) ** 2) ** ((p - 2) / 2)
+    flow, totals = np.zeros((m, 3)), np.zeros(m)
+    for i in range(m):
+        for j in rows[i]:
+            w = (math.sqrt(weight(i, j)) if literal else weight(i, j)) * (g[i] + g[j])
+            flow[i] += w * (v[j] - v[i])
+            totals[i] += w
+
+    def moved(strength: float) -> FloatArray:
+        return v + step / (totals.max() + strength) * (flow + strength * (start - v))
+
+    if fitting is not None:
+        return moved(fitting)
+
+    def excess(strength: float) -> float:
+        return float(((moved(strength) - start) ** 2).sum()) - m * sigma**2
+
+    if excess(0.0) <= 0:
+        return moved(0.0)
+    low, high = 0.0, 1.0
+    while excess(high) > 0:
+        high *= 2
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return moved(high)
+
+
+def kernel(mesh: Mesh, kappa: float = 0.45, *, start: FloatArray | None = None, fitting: float = 0.0) -> FloatArray:
+    """Positions after one step of (2.26)-(2.32), every vertex free, (m, 3)."""
+    v, ridge = mesh.vertices, kappa * mean_edge(mesh) ** 2
+    result = v.copy()
+    for i, ring in enumerate(all_rings(mesh)):
+        centre = sum(v[j] for j in ring) / len(ring)
+        h = sum(np.outer(v[j] - centre, v[j] - centre) for j in ring) + ridge * np.eye(3)
+        row = {
+            j: np.linalg.det(h) ** -0.5 * (2 * math.pi) ** -1.5
+            * math.exp(-0.5 * (v[i] - v[j]) @ np.linalg.inv(h) @ (v[i] - v[j]))
+            for j in (i, *ring)
+        }  # fmt: skip
+        mean = sum(w * v[j] for j, w in row.items()) / sum(row.values())
+        back = fitting * ((v if start is None else start)[i] - v[i])
+        result[i] = v[i] + (mean - v[i] + back) / (1 + fitting)
+    return result
+
+
+def multiscale_anisotropic(mesh: Mesh, step: float = 1.0, scales: int = 2, c: float | None = None) -> FloatArray:
+    """Positions after one step, every vertex free, (m, 3)."""
+    v, rings = mesh.vertices, all_rings(mesh)
+    m = len(v)
+    sums = [sum(area(v, t) * normal(v, t) for t in one_ring(mesh, i)[1]) for i in range(m)]
+    rho = np.empty(m)
+    for i in range(m):
+        scale = [unit(sum(sums[j] for j in within(rings, i, k))) for k in range(scales + 1)]
+        rho[i] = min(np.linalg.norm(scale[k] - scale[k - 1]) for k in range(1, scales + 1))
+    c = 2.3849 * 1.4826 * float(np.median(rho)) if c is None else c
+    g = 1 / (1 + rho**2 / c**2)
+    result = v.copy()
+    for i, ring in enumerate(rings):
+        flow = sum((g[i] + g[j]) / (2 * len(ring)) * (v[j] - v[i]) for j in ring)
+        n = unit(sums[i])
+        result[i] += step * (flow @ n) * n
+    return result

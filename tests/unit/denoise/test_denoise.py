@@ -15,6 +15,15 @@ from tests.shapes import cube, cylinder, grid, icosphere, joined, moebius, moved
 
 every_method = pytest.mark.parametrize("method", sorted(METHODS))
 
+FORGETFUL = {"graph_p_laplacian": {"fitting": 0}, "uniform": {"fitting": 0}}
+"""Parameters with which a filter no longer refers to where the vertices were at the beginning."""
+
+ITERATIONS = {"anisotropic": 80}
+"""Iterations of filters that are slow: gradients on an even sphere deviate little, so all of them are damped."""
+
+LOCAL = sorted({"laplacian", "mean", "angle_median", "weighted_laplacian", "finite_volume"})
+"""Filters without a statistic of the whole mesh in them."""
+
 
 def noisy(mesh: Mesh | None = None) -> Mesh:
     return add_noise(icosphere(3) if mesh is None else mesh, 0.3, "isotropic", seed=7)
@@ -24,7 +33,7 @@ def noisy(mesh: Mesh | None = None) -> Mesh:
 def test_noise_on_a_sphere_gets_less(method: str) -> None:
     truth = icosphere(4)
     mesh = add_noise(truth, 0.3, seed=1)
-    assert mean_angle(truth, denoise(mesh, method)) < 0.75 * mean_angle(truth, mesh)
+    assert mean_angle(truth, denoise(mesh, method, ITERATIONS.get(method, 1))) < 0.75 * mean_angle(truth, mesh)
 
 
 @every_method
@@ -40,8 +49,9 @@ def test_faces_stay_and_the_input_too(method: str) -> None:
 @every_method
 def test_iterations_are_steps_one_after_another(method: str) -> None:
     mesh = noisy()
-    twice = denoise(denoise(mesh, method), method)
-    assert denoise(mesh, method, 2).vertices == pytest.approx(twice.vertices, abs=1e-9)
+    given = FORGETFUL.get(method, {})
+    twice = denoise(denoise(mesh, method, **given), method, **given)
+    assert denoise(mesh, method, 2, **given).vertices == pytest.approx(twice.vertices, abs=1e-9)
 
 
 @every_method
@@ -119,7 +129,7 @@ def test_isolated_vertices_stay_even_without_coordinates(method: str) -> None:
     assert result[1:-1] == pytest.approx(denoise(mesh, method, 2).vertices, abs=1e-12)
 
 
-@every_method
+@pytest.mark.parametrize("method", LOCAL)
 def test_components_do_not_see_each_other(method: str) -> None:
     one, other = noisy(icosphere(2)), moved(noisy(torus(nu=12, nv=8)), (9, 0, 0))
     both = denoise(joined(one, other), method).vertices
@@ -166,7 +176,7 @@ def test_the_default_is_finite_volume_once() -> None:
 
 
 def test_an_unknown_method_is_refused_with_the_choices() -> None:
-    with pytest.raises(UnknownName, match="finite_volume, laplacian") as refusal:
+    with pytest.raises(UnknownName, match="bilateral, finite_volume, graph_p_laplacian, kernel, laplacian") as refusal:
         denoise(cube(), "sandpaper")
     assert refusal.value.details["choices"] == sorted(METHODS)
 

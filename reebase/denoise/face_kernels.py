@@ -1,0 +1,158 @@
+"""Loops over faces that the filters of normals share. They assume valid input; none is on the default path."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from reebase.denoise.ring_kernels import CROWD
+
+__all__ = ["around_faces", "face_geometry", "follow_normals", "mean_normals", "median_normals"]
+
+IntArray = npt.NDArray[np.int32]
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def face_geometry(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Unit normals, (n, 3), zero without area; areas, (n,); centroids, (n, 3)."""
+    normals, centroids = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
+    areas = np.empty(len(faces))
+    for t in range(len(faces)):
+        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+        ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
+        vx, vy, vz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        areas[t] = 0.5 * length
+        if length > 0.0:
+            normals[t, 0], normals[t, 1], normals[t, 2] = nx / length, ny / length, nz / length
+        centroids[t, 0] = x + (ux + vx) / 3.0
+        centroids[t, 1] = y + (uy + vy) / 3.0
+        centroids[t, 2] = z + (uz + vz) / 3.0
+    return normals, areas, centroids
+
+
+@njit(cache=True, nogil=True)
+def around_faces(faces: IntArray, corner_starts: IntArray, corners: IntArray) -> tuple[IntArray, IntArray]:
+    """The other faces that share a vertex with each face, in compressed rows.
+
+    corners: the corners 3f + k at each vertex. At a vertex with more than CROWD triangles only those count that share
+    another vertex as well.
+    """
+    count = len(faces)
+    mark = np.full(count, -1, dtype=np.int32)
+    starts = np.zeros(count + 1, dtype=np.int32)
+    rows = np.empty(0, dtype=np.int32)
+    for writing in range(2):
+        if writing:
+            rows = np.empty(starts[count], dtype=np.int32)
+            mark[:] = -1
+        position = 0
+        for t in range(count):
+            mark[t] = t
+            for corner in range(3):
+                v = faces[t, corner]
+                if corner_starts[v + 1] - corner_starts[v] > CROWD:
+                    continue
+                for k in range(corner_starts[v], corner_starts[v + 1]):
+                    other = corners[k] // 3
+                    if mark[other] != t:
+                        mark[other] = t
+                        if writing:
+                            rows[position] = other
+                        position += 1
+            starts[t + 1] = position
+    return starts, rows
+
+
+@njit(cache=True, nogil=True)
+def mean_normals(normals: FloatArray, areas: FloatArray, starts: IntArray, rows: IntArray) -> FloatArray:
+    """The area-weighted mean of each row's normals, at length 1, or zero where they cancel, (n, 3)."""
+    result = np.zeros_like(normals)
+    for t in range(len(normals)):
+        x, y, z = 0.0, 0.0, 0.0
+        for k in range(starts[t], starts[t + 1]):
+            s = rows[k]
+            x += areas[s] * normals[s, 0]
+            y += areas[s] * normals[s, 1]
+            z += areas[s] * normals[s, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            result[t, 0], result[t, 1], result[t, 2] = x / length, y / length, z / length
+    return result
+
+
+@njit(cache=True, nogil=True)
+def median_normals(normals: FloatArray, areas: FloatArray, starts: IntArray, rows: IntArray) -> FloatArray:
+    """The normal in each row at the lower median of the angles to the face's own, (n, 3).
+
+    Faces without area have no angle: they do not count, and have the normal zero.
+    """
+    result = np.zeros_like(normals)
+    longest = 1
+    for t in range(len(normals)):
+        longest = max(longest, starts[t + 1] - starts[t])
+    angles, order = np.empty(longest), np.empty(longest, dtype=np.int32)
+    for t in range(len(normals)):
+        if areas[t] == 0.0:
+            continue
+        count = 0
+        for k in range(starts[t], starts[t + 1]):
+            s = rows[k]
+            if areas[s] == 0.0:
+                continue
+            # The chord grows with the angle, and tells small angles apart where the cosine cannot.
+            chord = (
+                (normals[s, 0] - normals[t, 0]) ** 2 + (normals[s, 1] - normals[t, 1]) ** 2
+                + (normals[s, 2] - normals[t, 2]) ** 2
+            )  # fmt: skip
+            place = count
+            while place > 0 and angles[place - 1] > chord:
+                angles[place], order[place] = angles[place - 1], order[place - 1]
+                place -= 1
+            angles[place], order[place] = chord, s
+            count += 1
+        chosen = order[(count - 1) // 2] if count > 0 else t
+        result[t, 0], result[t, 1], result[t, 2] = normals[chosen, 0], normals[chosen, 1], normals[chosen, 2]
+    return result
+
+
+@njit(cache=True, nogil=True)
+def follow_normals(
+    positions: FloatArray, faces: IntArray, normals: FloatArray, by_area: bool
+) -> FloatArray:
+    """The mean over the triangles t round each vertex of <c_t - v_i, m_t> m_t, by their area or evenly, (m, 3).
+
+    normals: m_t, (n, 3).
+    """
+    result, totals = np.zeros((len(positions), 3)), np.zeros(len(positions))
+    for t in range(len(faces)):
+        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+        ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
+        vx, vy, vz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
+        weight = 1.0
+        if by_area:
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            weight = math.sqrt(nx * nx + ny * ny + nz * nz)
+        mx, my, mz = normals[t, 0], normals[t, 1], normals[t, 2]
+        u, v = ux * mx + uy * my + uz * mz, vx * mx + vy * my + vz * mz
+        third = (u + v) / 3.0
+        for corner in range(3):
+            height = third if corner == 0 else third - u if corner == 1 else third - v
+            w = faces[t, corner]
+            totals[w] += weight
+            result[w, 0] += weight * height * mx
+            result[w, 1] += weight * height * my
+            result[w, 2] += weight * height * mz
+    for w in range(len(positions)):
+        if totals[w] > 0.0:
+            result[w, 0] /= totals[w]
+            result[w, 1] /= totals[w]
+            result[w, 2] /= totals[w]
+    return result

@@ -1,0 +1,54 @@
+"""One step of the cotangent-weighted Laplacian over one-rings. Assumes valid input."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+__all__ = ["cotangent_step"]
+
+IntArray = npt.NDArray[np.int32]
+FloatArray = npt.NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def cotangent(positions: FloatArray, apex: int, i: int, j: int) -> float:
+    """The cotangent of the angle at ``apex`` of the triangle (apex, i, j); 0 for one without area."""
+    ax, ay, az = positions[apex, 0], positions[apex, 1], positions[apex, 2]
+    ux, uy, uz = positions[i, 0] - ax, positions[i, 1] - ay, positions[i, 2] - az
+    vx, vy, vz = positions[j, 0] - ax, positions[j, 1] - ay, positions[j, 2] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    doubled = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return (ux * vx + uy * vy + uz * vz) / doubled if doubled > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def cotangent_step(
+    positions: FloatArray, corner_starts: IntArray, ring: IntArray, starts: IntArray, neighbours: IntArray,
+    largest: float, step: float,
+) -> FloatArray:  # fmt: skip
+    """``step`` times the mean of v_j - v_i with clamped cotangent weights, (m, 3), zero where they are all zero."""
+    result = np.zeros_like(positions)
+    weights = np.zeros(len(positions))
+    for i in range(len(positions)):
+        for c in range(corner_starts[i], corner_starts[i + 1]):
+            j, k = ring[c, 0], ring[c, 1]
+            weights[j] += cotangent(positions, k, i, j)
+            weights[k] += cotangent(positions, j, i, k)
+        x, y, z, total = 0.0, 0.0, 0.0, 0.0
+        for c in range(starts[i], starts[i + 1]):
+            j = neighbours[c]
+            weight = min(max(weights[j], 0.0), largest)
+            weights[j] = 0.0
+            total += weight
+            x += weight * (positions[j, 0] - positions[i, 0])
+            y += weight * (positions[j, 1] - positions[i, 1])
+            z += weight * (positions[j, 2] - positions[i, 2])
+        weights[i] = 0.0  # a triangle that names i twice
+        if total > 0.0:
+            scale = step / total
+            result[i, 0], result[i, 1], result[i, 2] = scale * x, scale * y, scale * z
+    return result
