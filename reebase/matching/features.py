@@ -15,6 +15,9 @@ __all__ = ["AREAS", "as_features", "endpoint_features"]
 AREAS = ("band", "ring")
 """Readings of the relative node area: the component of the band, or the one-ring of its extremal vertex."""
 
+LARGEST = 1e100
+"""No endpoint of any skeleton comes near this; beyond it the squares in Phi would overflow in the kernels."""
+
 
 def endpoint_features(skeleton: Skeleton, area: str = "band") -> npt.NDArray[np.float64]:
     """omega_i = (a_i, dv_i, dc_i) of each endpoint, float64, shape (k, 3), in the order of
@@ -55,8 +58,8 @@ def as_features(value: Skeleton | npt.ArrayLike, name: str = "features") -> npt.
     """``value`` as endpoint features: a skeleton's, or an array of shape (k, 3), C-contiguous float64.
 
     An empty array of any shape stands for no endpoints. ``name`` is what a refusal calls the argument.
-    Raises ParameterError for another shape, and for entries that are not finite or negative: areas and path
-    lengths never are, and the bounds of the search rely on it.
+    Raises ParameterError for another shape, and for entries that are negative or above ``LARGEST``: areas and
+    path lengths never are, and the kernels and the bounds of the search rely on it.
     """
     if isinstance(value, Skeleton):
         return endpoint_features(value)
@@ -73,9 +76,9 @@ def as_features(value: Skeleton | npt.ArrayLike, name: str = "features") -> npt.
             parameter=name, found=list(features.shape),
         )  # fmt: skip
     lowest, highest = float(features.min()), float(features.max())
-    if not (lowest >= 0.0 and highest < np.inf):
+    if not (lowest >= 0.0 and highest <= LARGEST):
         raise ParameterError(
-            f"{name} must be finite and not negative; found values between {lowest} and {highest}.",
+            f"{name} must be between 0 and {LARGEST:g}; found values between {lowest} and {highest}.",
             parameter=name,
         )
     return features
