@@ -37,8 +37,9 @@ __all__ = ["clean"]
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
 
-SMALLEST, LARGEST = 1e-90, 1e90
-"""Extents between which areas and volumes, and their squares and cubes, are ordinary numbers."""
+SMALLEST, LARGEST = 1e-65, 1e65
+"""Half extents between which areas and volumes, and their squares, are ordinary numbers, those of faces a
+millionth as long as well."""
 
 
 def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
@@ -101,7 +102,7 @@ def frame(vertices: FloatArray) -> tuple[FloatArray, float]:
     if scale != 0 and not SMALLEST <= scale <= LARGEST:
         raise MeshError(
             f"The mesh is {2 * scale:.3g} units long; areas and volumes of that size are beyond "
-            f"floating point. Rescale it to between {SMALLEST:g} and {LARGEST:g}.",
+            f"floating point. Rescale it to between {2 * SMALLEST:g} and {2 * LARGEST:g}.",
             extent=2 * scale,
         )  # fmt: skip
     return low + high, scale or 1.0

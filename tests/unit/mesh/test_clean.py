@@ -408,7 +408,7 @@ def test_no_area_is_refused_with_the_counts(vertices: list[list[float]]) -> None
     assert refusal.value.details["repairs"]["removed_degenerate_faces"] >= 1
 
 
-@pytest.mark.parametrize("scale", [1e-200, 1e200])
+@pytest.mark.parametrize("scale", [1e-200, 1e-80, 1e80, 1e200])
 def test_an_extent_that_cannot_be_squared_is_refused(scale: float) -> None:
     with pytest.raises(MeshError, match="Rescale"):
         clean(moved(cube(), scale=scale))
