@@ -203,6 +203,7 @@ def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors, limits: Limits) -
             starts[position] = count
             vertices.append(points)
             count += len(points)
+            limits.check_vertices(count)
         own = len(accessors.vectors(position))
         if primitive.get("indices") is None:
             indices = np.arange(own)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import copy
 import json
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -326,3 +327,18 @@ def test_small_files_cannot_multiply() -> None:
         read(glb(many), limits=Limits(faces=1000))
     with pytest.raises(TooManyVertices):
         read(glb(document(nodes=[{"mesh": 0}] * 20, scenes=[{"nodes": list(range(20))}])), limits=Limits(vertices=99))
+
+
+def test_vertices_are_counted_before_they_are_gathered() -> None:
+    """Accessors without a view are all zeros: a few bytes of JSON for each 24 MB."""
+    zeros = {"componentType": 5126, "count": 10**6, "type": "VEC3"}
+    none = {"componentType": 5125, "count": 0, "type": "SCALAR"}
+    primitives = [{"attributes": {"POSITION": at}, "indices": 20} for at in range(20)]
+    bomb = document(meshes=[{"primitives": primitives}], accessors=[zeros] * 20 + [none])
+    tracemalloc.start()
+    try:
+        with pytest.raises(TooManyVertices):
+            read(glb(bomb))
+        assert tracemalloc.get_traced_memory()[1] < 200 * 2**20
+    finally:
+        tracemalloc.stop()
