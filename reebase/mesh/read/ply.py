@@ -140,8 +140,7 @@ def _polygons(tables: dict[str, Table], vertices: int) -> tuple[Ints, Ints]:
         lists = [found for name in INDEX_LISTS if (found := tables["tristrips"].list(name)) is not None]
         if lists:
             values, lengths = _whole(lists[0][0]), lists[0][1]
-            faces = [strips(one, restart=-1) for one in np.split(values, np.cumsum(lengths)[:-1])]
-            corners.append(np.concatenate(faces).ravel())
+            corners.append(strips(np.insert(values, np.cumsum(lengths)[:-1], -1), restart=-1).ravel())
             sizes.append(np.full(len(corners[-1]) // 3, 3, dtype=np.int64))
     if not corners:
         raise NoFaces(f"The PLY file has {vertices} vertices but no faces.")

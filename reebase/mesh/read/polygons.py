@@ -98,14 +98,15 @@ def strips(indices: Ints, restart: int | None = None) -> Ints:
     ``restart`` is the index that ends one strip and starts the next. Triangles that repeat a corner only
     link two strips and are left out.
     """
-    if restart is not None:
-        cuts = np.flatnonzero(indices == restart)
-        parts = [strips(part[part != restart]) for part in np.split(indices, cuts)]
-        return np.concatenate(parts) if parts else np.zeros((0, 3), dtype=np.int64)
     if len(indices) < 3:
         return np.zeros((0, 3), dtype=np.int64)
+    place = np.arange(len(indices))
+    cut = np.zeros(len(indices), dtype=bool) if restart is None else indices == restart
+    within = place - np.maximum.accumulate(np.where(cut, place + 1, 0))  # the place in its own strip
     faces = np.stack([indices[:-2], indices[1:-1], indices[2:]], axis=1)
-    faces[1::2] = faces[1::2, ::-1]
+    turned = within[:-2] % 2 == 1
+    faces[turned] = faces[turned, ::-1]
+    faces = faces[~(cut[:-2] | cut[1:-1] | cut[2:])]
     linking = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
     kept: Ints = faces[~linking]
     return kept

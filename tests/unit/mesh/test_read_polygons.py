@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -142,6 +144,24 @@ def test_strips_alternate_and_restart() -> None:
     assert strips(np.array([0, 1, 2, -1, 3, 4, 5]), restart=-1).tolist() == [[0, 1, 2], [3, 4, 5]]
     assert strips(np.array([0, 1, 2, 2, 3, 3, 3, 4, 5])).tolist() == [[0, 1, 2], [3, 4, 5]]
     assert strips(np.array([0, 1])).shape == (0, 3)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_strips_equal_a_walk(seed: int) -> None:
+    indices = np.random.default_rng(seed).integers(-1, 6, size=400)
+    expected, place = [], 0
+    for i in range(len(indices) - 2):
+        place = 0 if indices[i] == -1 else place + 1
+        a, b, c = indices[i : i + 3].tolist()
+        if -1 not in (a, b, c) and len({a, b, c}) == 3:
+            expected.append([a, b, c] if place % 2 else [c, b, a])
+    assert strips(indices, restart=-1).tolist() == expected
+
+
+def test_a_million_restarts_take_no_walk() -> None:
+    began = time.process_time()
+    assert strips(np.full(1_000_000, -1), restart=-1).shape == (0, 3)
+    assert time.process_time() - began < 2
 
 
 def test_refusals_name_what_was_found() -> None:
