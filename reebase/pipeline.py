@@ -73,11 +73,13 @@ class Profile:
         eigenpairs_needed(self.field)
         for parameter, low, high in (("iterations", 1, 1000), ("bands", 2, MAX_BANDS), ("threshold", 0.0, 0.99)):
             value = getattr(self, parameter)
-            if not low <= value <= high:
+            types, kind = ((int,), "whole number") if type(low) is int else ((int, float), "number")
+            if type(value) not in types or not low <= value <= high:
                 raise ParameterError(
-                    f"{parameter} must be between {low} and {high}; found {value}.",
-                    parameter=parameter, found=value, minimum=low, maximum=high,
+                    f"{parameter} must be a {kind} between {low} and {high}; found {value!r}.",
+                    parameter=parameter, found=repr(value), minimum=low, maximum=high,
                 )  # fmt: skip
+        object.__setattr__(self, "threshold", float(self.threshold))  # 0 and 0.0 have the same key
 
     def to_json(self) -> dict[str, Any]:
         return dataclasses.asdict(self)

@@ -48,7 +48,7 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
 
     Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError.
     """
-    if not 2 <= bands <= MAX_BANDS:
+    if bands % 1 or not 2 <= bands <= MAX_BANDS:
         raise ParameterError(
             f"The number of bands must be a whole number from 2 to {MAX_BANDS}; found {bands!r}.",
             parameter="bands", minimum=2, maximum=MAX_BANDS,

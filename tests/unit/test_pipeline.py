@@ -126,6 +126,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
     keys = {replace(Profile(), **{name: value}).key for name, value in changes.items()} | {Profile().key}
     assert len(keys) == len(changes) + 1
     assert Profile(**json.loads(json.dumps(Profile().to_json()))).key == Profile().key
+    assert Profile(threshold=0).key == Profile(threshold=0.0).key
 
 
 @pytest.mark.parametrize(
@@ -137,7 +138,11 @@ def test_profile_key_depends_on_every_parameter() -> None:
         ({"area": "acre"}, UnknownName),
         ({"bands": 1}, ParameterError),
         ({"bands": 10**9}, ParameterError),
+        ({"bands": 64.5}, ParameterError),
+        ({"bands": "64"}, ParameterError),
         ({"iterations": 0}, ParameterError),
+        ({"iterations": 1.0}, ParameterError),
+        ({"threshold": None}, ParameterError),
         ({"threshold": 1.0}, ParameterError),
         ({"threshold": float("nan")}, ParameterError),
     ],

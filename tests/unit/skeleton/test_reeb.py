@@ -298,7 +298,7 @@ def test_faces_without_area_leave_everything_finite():
     assert graph.areas.sum() == pytest.approx(area(mesh), rel=1e-12)
 
 
-@pytest.mark.parametrize("bands", [1, 0, -3, MAX_BANDS + 1])
+@pytest.mark.parametrize("bands", [1, 0, -3, MAX_BANDS + 1, 64.5])
 def test_refuses_a_bad_number_of_bands(bands):
     with pytest.raises(ParameterError, match="number of bands"):
         reeb_graph(tetrahedron(), np.arange(4.0), bands)
