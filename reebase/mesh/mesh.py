@@ -29,10 +29,16 @@ class Mesh:
     faces: npt.NDArray[np.int32]
 
     def __post_init__(self) -> None:
-        given = np.asarray(self.faces)
+        try:
+            given = np.asarray(self.faces)
+            found = np.asarray(self.vertices)
+        except ValueError as error:
+            raise MeshError(f"Vertices and faces must be arrays of rows of three: {error}.") from None
         if given.size and given.dtype.kind not in "iu":
             raise MeshError(f"Faces must be integers; found {given.dtype}.")
-        vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
+        if found.size and found.dtype.kind not in "iuf":
+            raise MeshError(f"Vertices must be real numbers; found {found.dtype}.")
+        vertices = np.ascontiguousarray(found, dtype=np.float64)
         if vertices.size == 0:
             vertices = vertices.reshape(0, 3)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
