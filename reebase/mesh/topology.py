@@ -13,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.errors import NoFaces
+from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
 
-__all__ = ["Edges", "Rings", "edges", "face_areas", "largest_component", "rings"]
+__all__ = ["Edges", "Rings", "edges", "largest_component", "rings"]
 
 IntArray = npt.NDArray[np.int32]
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,13 +219,6 @@ def largest_component(mesh: Mesh) -> tuple[Mesh, IntArray]:
     kept = np.flatnonzero(used).astype(np.int32)
     rank = np.cumsum(used, dtype=np.int32) - np.int32(1)
     return Mesh(mesh.vertices[kept], rank[chosen]), kept
-
-
-def face_areas(mesh: Mesh) -> FloatArray:
-    """Area of each face, (n,), half the length of the cross product of two sides (1.1)."""
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals)))
 
 
 def following(sides: IntArray) -> IntArray:
