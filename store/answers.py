@@ -1,11 +1,13 @@
 """The answer to a query: ranked shapes, and for each why it is where it is.
 
-``answer_query(database, follower, spec, features=None) -> dict``, for service and worker alike;
+``answer_query(database, follower, spec, mesh=None) -> dict``, for service and worker alike;
+``DescribedMesh``: a query that is no stored shape;
 ``QuerySpec`` with ``to_params`` and ``from_params`` for a task's ``params``.
 
 The answer, JSON-serialisable::
 
-    {"query": {"shape": id | None, "collection", "endpoint_count", "features", "measure", "k", "tolerance"},
+    {"query": {"shape": id | None, "collection", "endpoint_count", "features", "flags", "measure", "k",
+               "tolerance"},
      "hits": [{"rank", "shape": {"id", "name", "label", "tags", "metadata", "filename", "format", "sha256"},
                "dissimilarity", "endpoint_count", "pairs": [{"query", "hit", "distance"}],
                "unmatched_query": [{"endpoint", "charge"}], "unmatched_hit": [{"endpoint", "charge"}],
@@ -25,17 +27,19 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from sqlalchemy import Connection
 
 from reebase.errors import UnknownName
 from reebase.matching import as_features, match
+from reebase.pipeline import Description
 from reebase.search import Hit, Index
 from store import collections, results, shapes
 from store.engine import Database
-from store.errors import ResultNotFound
+from store.errors import ProfileChanged, ResultNotFound
 from store.follower import IndexFollower
 from store.records import Collection, Filters, Shape
 
-__all__ = ["QuerySpec", "answer_query", "shape_summary"]
+__all__ = ["DescribedMesh", "QuerySpec", "answer_query", "shape_summary"]
 
 
 @dataclass(frozen=True)
@@ -72,30 +76,42 @@ class QuerySpec:
         return Filters(label=self.label, tags=self.tags, metadata=self.metadata)
 
 
+@dataclass(frozen=True, eq=False)
+class DescribedMesh:
+    """What is compared of a mesh: its features, (n, 3), under which profile, and what is unusual about it."""
+
+    features: npt.NDArray[np.float64]
+    profile_key: str
+    flags: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, description: Description) -> DescribedMesh:
+        return cls(description.features, description.profile.key, description.health.flags)
+
+
 def answer_query(
     database: Database,
     follower: IndexFollower,
     spec: QuerySpec,
-    features: npt.ArrayLike | None = None,
+    mesh: DescribedMesh | None = None,
 ) -> dict[str, Any]:
     """The k nearest shapes with their reasons; see the module's docstring for the form.
 
-    features: of the query, (n, 3), unless ``spec.shape_id`` names a stored shape; under the collection's
-    profile. Raises CollectionNotFound, ShapeNotFound, ResultNotFound for a shape that is not described under
-    the collection's present profile, ParameterError, UnknownName.
+    mesh: the query, unless ``spec.shape_id`` names a stored shape. Raises CollectionNotFound, ShapeNotFound,
+    ResultNotFound for a shape and ProfileChanged for a mesh that is not described under the collection's
+    present profile, ParameterError, UnknownName.
     """
     began = time.perf_counter()
     with database.read() as conn:
         collection = collections.get(conn, spec.collection)
         among = shapes.ids_matching(conn, collection.id, spec.filters) if spec.filters else None
         if spec.shape_id is not None:
-            shapes.get(conn, collection.id, spec.shape_id)
-            stored = results.features(conn, spec.shape_id)
-            _check_profile(collection, stored.profile_key, spec.shape_id)
-            features = stored.features
-    if features is None:
-        raise ValueError("Give either the id of a stored shape or features.")
-    omega = as_features(features)
+            mesh = _stored(conn, collection, spec.shape_id)
+    if mesh is None:
+        raise ValueError("Give either the id of a stored shape or a described mesh.")
+    if mesh.profile_key != collection.profile_key:
+        raise ProfileChanged(collection=collection.name)
+    omega = as_features(mesh.features)
     index = follower.index(collection.id, collection.profile_key)
     hits, considered = _search(index, omega, spec, among)
     with database.read() as conn:
@@ -107,6 +123,7 @@ def answer_query(
             "collection": collection.name,
             "endpoint_count": len(omega),
             "features": omega.tolist(),
+            "flags": list(mesh.flags),
             "measure": spec.measure,
             "k": spec.k,
             "tolerance": spec.tolerance,
@@ -127,12 +144,15 @@ def shape_summary(shape: Shape) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _check_profile(collection: Collection, profile_key: str, shape_id: str) -> None:
-    if profile_key != collection.profile_key:
+def _stored(conn: Connection, collection: Collection, shape_id: str) -> DescribedMesh:
+    shape = shapes.get(conn, collection.id, shape_id)
+    found = results.features(conn, shape_id)
+    if found.profile_key != collection.profile_key:
         raise ResultNotFound(
             "The shape is not described under the collection's present profile yet; look at its task.",
             shape=shape_id,
         )
+    return DescribedMesh(found.features, found.profile_key, shape.flags)
 
 
 def _search(

@@ -15,6 +15,7 @@ ReebaseError
     │   ├── TaskExists           task_exists
     │   ├── TaskNotCancellable   task_not_cancellable
     │   ├── TaskNotRetryable     task_not_retryable
+    │   ├── ProfileChanged       profile_changed      a mesh was described under another profile
     │   ├── IdempotencyConflict  idempotency_conflict
     │   ├── IdempotencyInProgress idempotency_in_progress
     │   └── TargetNotEmpty       target_not_empty
@@ -35,7 +36,7 @@ from reebase.errors import ReebaseError
 __all__ = [
     "BlobNotFound", "CollectionExists", "CollectionNotFound", "Conflict", "CorruptBackup", "CorruptBlob",
     "EvaluationNotFound", "IdempotencyConflict", "IdempotencyInProgress", "InvalidCursor", "KeyNotFound",
-    "NotFound", "QuotaExceeded", "ResultNotFound", "ShapeNotFound", "StaleClaim", "StorageFull",
+    "NotFound", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeNotFound", "StaleClaim", "StorageFull",
     "StoreBusy", "StoreError", "TargetNotEmpty", "TaskExists", "TaskNotCancellable", "TaskNotFound",
     "TaskNotRetryable", "UnsupportedDatabase",
 ]  # fmt: skip
@@ -123,6 +124,12 @@ class TaskNotRetryable(Conflict):
     """Only a task that failed or was cancelled can be retried."""
 
     code = "task_not_retryable"
+
+
+class ProfileChanged(Conflict):
+    """The collection has had another profile since the mesh was described, so the two cannot be compared."""
+
+    code = "profile_changed"
 
 
 class IdempotencyConflict(Conflict):

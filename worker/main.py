@@ -17,7 +17,7 @@ from reebase.errors import ReebaseError
 from store import faults, migrate, sweep
 from store.blobs import open_blobs
 from store.engine import Database
-from store.errors import StaleClaim, StorageFull, StoreBusy, UnsupportedDatabase
+from store.errors import ProfileChanged, StaleClaim, StorageFull, StoreBusy, UnsupportedDatabase
 from store.records import Task
 from store.settings import Settings
 from store.tasks import DatabaseQueue, TaskQueue
@@ -37,6 +37,7 @@ _MOST_DETAIL = 1000  # characters
 _log = structlog.get_logger("worker")
 
 _PASSING = (StoreBusy, StorageFull)
+_HEALING = (StorageFull, ProfileChanged)  # of a job: another attempt may end better
 
 _JOBS: dict[str, Callable[[Tools, Claim], None]] = {
     "describe": describe.run,
@@ -171,7 +172,7 @@ class Worker:
             raise
         except ReebaseError as error:
             detail = {"message": error.message, **error.details}
-            return self._failed(task, error.code, detail, lasting=not isinstance(error, StorageFull))
+            return self._failed(task, error.code, detail, lasting=not isinstance(error, _HEALING))
         except Exception as error:
             _log.exception("unexpected_error", task=task.id, kind=task.kind)
             detail = {"message": f"{type(error).__name__}: {error}"[:_MOST_DETAIL]}

@@ -52,6 +52,10 @@ class QueryEcho(Value):
     collection: str
     endpoint_count: int
     features: list[Triple]
+    flags: list[str] = Field(
+        default_factory=list,
+        description="What is unusual about the query's mesh, as in the health report of a stored shape.",
+    )
     measure: str
     k: int
     tolerance: int | None

@@ -16,7 +16,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read import read, read_scalars
 from reebase.mesh.write import to_bytes
 from tests.http.test_problems import is_problem
-from tests.shapes import capsule, icosphere, moved, torus
+from tests.shapes import capsule, cylinder, icosphere, joined, moved, torus
 
 ENDED = {"succeeded", "failed", "cancelled"}
 
@@ -135,6 +135,15 @@ def test_a_query_by_mesh(http: httpx.Client, zoo: dict[str, str]) -> None:
     assert http.get(zoo[""]).json()["counts"]["shapes"] == 4
     raw = http.post(f"{zoo['']}/query", content=to_bytes(turned, "obj"), params={"k": 2, "tolerance": "null"})
     assert raw.json()["hits"] == answer["hits"]
+
+
+def test_an_answer_says_what_is_unusual_about_the_query(http: httpx.Client, zoo: dict[str, str]) -> None:
+    open_one = to_bytes(joined(cylinder(), moved(icosphere(1), (9, 0, 0), scale=0.1)), "ply")
+    flags = http.post(f"{zoo['']}/query", content=open_one).json()["query"]["flags"]
+    assert {"open_surface", "several_components"} <= set(flags)
+    shape = http.get(zoo["capsule-4"]).json()
+    answer = http.post(f"{zoo['']}/query", json={"shape": shape["id"]}).json()
+    assert answer["query"]["flags"] == shape["flags"]
 
 
 def test_a_query_that_is_not_waited_for(http: httpx.Client, zoo: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from reebase.pipeline import Description
 from store import collections, faults
-from store.answers import QuerySpec, answer_query
+from store.answers import DescribedMesh, QuerySpec, answer_query
 from worker.claim import Claim, LostError
 from worker.tools import Tools
 
@@ -26,7 +26,7 @@ def run(tools: Tools, claim: Claim) -> None:
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
     claim.progress("search", 0.95)
-    answer = answer_query(tools.database, tools.follower, spec, description.features)
+    answer = answer_query(tools.database, tools.follower, spec, DescribedMesh.of(description))
     with tools.database.write() as conn:
         tools.queue.succeed(conn, task, answer)
     faults.point("worker.rows_committed")

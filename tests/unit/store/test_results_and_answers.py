@@ -16,10 +16,10 @@ from reebase.matching import dissimilarity
 from reebase.pipeline import PIPELINE_VERSION, Profile
 from reebase.search import Index
 from store import collections, results, revision, shapes, sweep, tasks
-from store.answers import QuerySpec, answer_query
+from store.answers import DescribedMesh, QuerySpec, answer_query
 from store.blobs import MemoryBlobs
 from store.engine import Database
-from store.errors import CollectionNotFound, ResultNotFound, ShapeNotFound
+from store.errors import CollectionNotFound, ProfileChanged, ResultNotFound, ShapeNotFound
 from store.follower import IndexFollower
 from store.records import Collection, Shape, Task
 from store.settings import Settings
@@ -49,6 +49,10 @@ def describe(database: Database, queue: tasks.DatabaseQueue) -> Describe:
 
 def omega(seed: int, count: int = 4) -> np.ndarray:
     return np.random.default_rng(seed).random((count, 3))
+
+
+def mesh(seed: int, count: int = 4, profile: Profile | None = None) -> DescribedMesh:
+    return DescribedMesh.of(description(omega(seed, count), profile))
 
 
 def test_everything_round_trips(database: Database, upload: Upload, describe: Describe) -> None:
@@ -202,7 +206,7 @@ def test_many_threads_ask_while_shapes_arrive(
     def ask() -> None:
         try:
             while not stop.is_set():
-                answer_query(database, follower, QuerySpec("ants", k=3, tolerance=None), omega(0))
+                answer_query(database, follower, QuerySpec("ants", k=3, tolerance=None), mesh(0))
         except BaseException as error:
             failures.append(error)
 
@@ -247,6 +251,7 @@ def test_an_answer_equals_a_slow_search(database: Database, ants: list[Shape]) -
     assert [hit["rank"] for hit in answer["hits"]] == [1, 2, 3, 4, 5]
     assert answer["query"]["shape"] == query.id
     assert answer["query"]["features"] == omega(4, 4).tolist()
+    assert answer["query"]["flags"] == ["open_surface"]
     assert answer["considered"] == 11
     assert answer["buckets"] == [
         {"endpoint_count": 3, "shapes": 4}, {"endpoint_count": 4, "shapes": 3},
@@ -271,7 +276,7 @@ def test_a_stored_shape_is_not_its_own_hit_unless_asked(database: Database, ants
         assert len(ids) == (11 if spec.label is None else 5)
     first = answer_query(database, follower, QuerySpec("ants", ants[0].id, include_self=True))["hits"][0]
     assert (first["shape"]["id"], first["dissimilarity"]) == (ants[0].id, 0.0)
-    by_mesh = answer_query(database, follower, QuerySpec("ants"), omega(0, 3))
+    by_mesh = answer_query(database, follower, QuerySpec("ants"), mesh(0, 3))
     assert by_mesh["query"]["shape"] is None
     assert by_mesh["hits"][0]["shape"]["id"] == ants[0].id
 
@@ -281,7 +286,7 @@ def test_filters_and_bounds(database: Database, ants: list[Shape]) -> None:
 
     def ids(**asked: object) -> set[str]:
         spec = QuerySpec("ants", tolerance=None, k=100, **asked)  # type: ignore[arg-type]
-        answer = answer_query(database, follower, spec, omega(3, 3))
+        answer = answer_query(database, follower, spec, mesh(3, 3))
         if spec.max_dissimilarity is None:
             assert answer["considered"] == len(answer["hits"])
         return {hit["shape"]["id"] for hit in answer["hits"]}
@@ -307,14 +312,17 @@ def test_what_cannot_be_answered(
         (QuerySpec("ants", ants[0].id, measure="guess"), UnknownName),
     ):
         with pytest.raises(error):
-            answer_query(database, follower, spec, omega(0))
-    with pytest.raises(ValueError, match="stored shape or features"):
+            answer_query(database, follower, spec, mesh(0))
+    with pytest.raises(ValueError, match="stored shape or a described mesh"):
         answer_query(database, follower, QuerySpec("ants"))
     with database.write() as conn:
         collections.update(conn, "ants", profile={"bands": 17})
     with pytest.raises(ResultNotFound, match="present profile"):
         answer_query(database, follower, QuerySpec("ants", ants[0].id))
-    assert answer_query(database, follower, QuerySpec("ants"), omega(0))["considered"] == 0
+    with pytest.raises(ProfileChanged):
+        answer_query(database, follower, QuerySpec("ants"), mesh(0))
+    described = mesh(0, profile=Profile(bands=17))
+    assert answer_query(database, follower, QuerySpec("ants"), described)["considered"] == 0
 
 
 def test_a_spec_survives_a_task(database: Database) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from reebase.errors import NoFaces
 from store import collections, migrate, shapes, tasks
-from store.errors import StorageFull, StoreBusy, UnsupportedDatabase
+from store.errors import ProfileChanged, StorageFull, StoreBusy, UnsupportedDatabase
 from store.settings import Settings
 from worker import main
 from worker.claim import CancelledError, LostError, Stop, StoppedError
@@ -78,6 +78,7 @@ def outcome(worker, monkeypatch, error):
         (ChildError("child_crashed", "Killed.", False, {}), "child_crashed", 3),
         (NoFaces(), "no_faces", 0),
         (StorageFull(), "storage_full", 3),
+        (ProfileChanged(), "profile_changed", 3),
         (ZeroDivisionError("division by zero"), "internal_error", 3),
     ],
 )
