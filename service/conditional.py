@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["ConditionalReads", "matches"]
+__all__ = ["ConditionalReads", "matches", "unless_unchanged"]
 
 
 def matches(if_none_match: str | None, etag: str) -> bool:
@@ -16,6 +19,16 @@ def matches(if_none_match: str | None, etag: str) -> bool:
         return False
     tags = [tag.strip().removeprefix("W/") for tag in if_none_match.split(",")]
     return "*" in tags or etag.removeprefix("W/") in tags
+
+
+def unless_unchanged(request: Request, etag: str, make: Callable[[], Response]) -> Response:
+    """304 when the client has what ``etag`` names, which then is not even made; else the response, tagged."""
+    tag = f'"{etag}"'
+    if matches(request.headers.get("if-none-match"), tag):
+        return Response(status_code=304, headers={"ETag": tag})
+    response = make()
+    response.headers["ETag"] = tag
+    return response
 
 
 class ConditionalReads:

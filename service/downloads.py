@@ -9,7 +9,7 @@ from urllib.parse import quote
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
-from service.conditional import matches
+from service.conditional import unless_unchanged
 
 __all__ = ["attachment", "file_response"]
 
@@ -23,24 +23,27 @@ def attachment(filename: str) -> str:
 
 def file_response(
     request: Request,
-    content: bytes | Callable[[], Iterator[bytes]],
+    content: Callable[[], bytes] | Callable[[], Iterator[bytes]],
     *,
-    size: int,
     etag: str,
     media_type: str,
     filename: str,
+    size: int | None = None,
 ) -> Response:
-    """The bytes as a download, or 304. ``etag`` names exactly these bytes; a stream opens when it is sent."""
-    tag = f'"{etag}"'
-    headers = {
-        "ETag": tag, "Cache-Control": "private, no-cache", "X-Content-Type-Options": "nosniff",
-        "Content-Security-Policy": "default-src 'none'; sandbox",
-    }  # fmt: skip
-    if matches(request.headers.get("if-none-match"), tag):
-        return Response(status_code=304, headers=headers)
-    headers |= {
-        "Content-Disposition": attachment(filename), "Content-Length": str(size), "Content-Type": media_type,
-    }  # fmt: skip
-    if isinstance(content, bytes):
-        return Response(content, headers=headers)
-    return StreamingResponse(content(), headers=headers)
+    """The bytes as a download, or 304 without making them. ``etag`` names exactly these bytes.
+
+    size: of a stream, in bytes.
+    """
+
+    def make() -> Response:
+        headers = {
+            "Cache-Control": "private, no-cache", "X-Content-Type-Options": "nosniff",
+            "Content-Security-Policy": "default-src 'none'; sandbox",
+            "Content-Disposition": attachment(filename), "Content-Type": media_type,
+        }  # fmt: skip
+        made = content()
+        if isinstance(made, bytes):
+            return Response(made, headers=headers)
+        return StreamingResponse(made, headers={**headers, "Content-Length": str(size)})
+
+    return unless_unchanged(request, etag, make)

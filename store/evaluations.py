@@ -3,7 +3,7 @@
 ``create(conn, *, params, collection_id=None) -> Evaluation`` (queues its task), ``get(conn, id)``,
 ``of_task(conn, task_id)``, ``list_page(conn, *, limit, cursor, collection_id)``, ``delete(conn, id)``,
 ``complete(conn, task, report, *, items, matrix_sha256) -> Task`` (fenced; raises StaleClaim),
-``load_matrix(blobs, evaluation) -> ndarray``
+``matrix_of(evaluation) -> sha256``, ``matrix_rows(blobs, sha256) -> Iterator[ndarray]``
 
 The matrix is a blob in npy format, put before ``complete``.
 """
@@ -11,7 +11,7 @@ The matrix is a blob in npy format, put before ``complete``.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from store.sql import cursor_after, id_of_cursor, insert, new_id, now
 from store.tables import evaluation as table
 from store.tables import task as task_table
 
-__all__ = ["complete", "create", "delete", "get", "list_page", "load_matrix", "of_task"]
+__all__ = ["complete", "create", "delete", "get", "list_page", "matrix_of", "matrix_rows", "of_task"]
 
 
 def create(conn: Connection, *, params: Mapping[str, Any], collection_id: str | None = None) -> Evaluation:
@@ -97,17 +97,35 @@ def complete(
     return done
 
 
-def load_matrix(blobs: Blobs, evaluation: Evaluation) -> npt.NDArray[np.float64]:
-    """The dissimilarities of all pairs, (n, n), rows and columns as ``evaluation.items``.
-
-    Raises ResultNotFound before there is one.
-    """
+def matrix_of(evaluation: Evaluation) -> str:
+    """The blob of the dissimilarity matrix. Raises ResultNotFound when there is none yet."""
     if evaluation.matrix_sha256 is None:
         raise ResultNotFound("The evaluation has no matrix yet; look at its task.", evaluation=evaluation.id)
-    matrix: npt.NDArray[np.float64] = np.load(
-        io.BytesIO(blobs.get(evaluation.matrix_sha256)), allow_pickle=False
-    )
-    return matrix
+    return evaluation.matrix_sha256
+
+
+def matrix_rows(blobs: Blobs, sha256: str) -> Iterator[npt.NDArray[np.float64]]:
+    """The dissimilarities of all pairs, one row (n,) at a time, in the order of ``evaluation.items``.
+
+    Raises BlobNotFound at once.
+    """
+    return _rows(blobs.stream(sha256))
+
+
+def _rows(pieces: Iterator[bytes]) -> Iterator[npt.NDArray[np.float64]]:
+    """The rows of a two-dimensional array in npy format, version 1.0, that arrives in pieces."""
+    start = io.BytesIO(next(pieces, b""))
+    np.lib.format.read_magic(start)
+    (_, columns), _, kind = np.lib.format.read_array_header_1_0(start)
+    held, width = start.read(), columns * kind.itemsize
+    while width:
+        whole = len(held) // width * width
+        for begin in range(0, whole, width):
+            yield np.frombuffer(held, kind, columns, begin)
+        following = next(pieces, b"")
+        if not following:
+            return
+        held = held[whole:] + following
 
 
 def _one(conn: Connection, query: Select[Any], given: str) -> Evaluation:

@@ -25,7 +25,7 @@ from collections.abc import Collection as Some
 from collections.abc import Mapping
 from typing import Any, Literal, Protocol
 
-from sqlalchemy import ColumnElement, Connection, Update, and_, bindparam, exists, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Update, and_, bindparam, exists, null, or_, select, update
 from sqlalchemy.exc import IntegrityError
 
 from store.engine import Database
@@ -158,9 +158,9 @@ def list_page(
     conn: Connection, *, limit: int = 100, cursor: str | None = None, state: str | None = None,
     kind: str | None = None, collection_id: str | None = None, shape_id: str | None = None,
 ) -> Page[Task]:  # fmt: skip
-    """Newest first. Raises InvalidCursor."""
+    """Newest first, without their results: a page of answers would have no bound. Raises InvalidCursor."""
     wanted = {"state": state, "kind": kind, "collection_id": collection_id, "shape_id": shape_id}
-    query = select(table)
+    query = select(*(column for column in table.c if column.name != "result"), null().label("result"))
     for name, value in wanted.items():
         if value is not None:
             query = query.where(table.c[name] == value)

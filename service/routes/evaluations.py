@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from sqlalchemy import Connection
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
 from service.auth import Principal, Reader, Writer
 from service.checks import check_evaluation
+from service.conditional import unless_unchanged
 from service.context import Here
 from service.replay import json_response, once, same_request
 from service.routes.common import Cursor, IdempotencyKey, IdPath, PageSize, api_router, open_collection
@@ -93,13 +97,25 @@ def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> Evaluat
     "/evaluations/{evaluation}/matrix", operation_id="getMatrix", summary="Dissimilarity matrix",
     response_model=MatrixValue,
 )  # fmt: skip
-def get_matrix(here: Here, principal: Reader, evaluation: IdPath) -> Response:
+def get_matrix(request: Request, here: Here, principal: Reader, evaluation: IdPath) -> Response:
     """D of all pairs, with the names and labels of rows and columns."""
     with here.database.read() as conn:
         found = _visible(conn, principal, evaluation)
-    matrix = evaluations.load_matrix(here.blobs, found)
-    value = {"id": found.id, "items": found.items or [], "matrix": matrix.tolist()}
-    return Response(json.dumps(value, allow_nan=False).encode(), media_type="application/json")
+    sha256 = evaluations.matrix_of(found)
+
+    def make() -> Response:
+        rows = evaluations.matrix_rows(here.blobs, sha256)
+        return StreamingResponse(_matrix_json(found, rows), media_type="application/json")
+
+    return unless_unchanged(request, f"{sha256}-json", make)
+
+
+def _matrix_json(found: Evaluation, rows: Iterator[npt.NDArray[np.float64]]) -> Iterator[str]:
+    """Row by row: the matrix of some thousand shapes has more text than a service should hold at once."""
+    yield f'{{"id": {json.dumps(found.id)}, "items": {json.dumps(found.items or [])}, "matrix": ['
+    for number, row in enumerate(rows):
+        yield ("," if number else "") + json.dumps(row.tolist(), allow_nan=False)
+    yield "]}"
 
 
 @router.delete(

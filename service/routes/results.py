@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from service.auth import Principal, Reader
+from service.conditional import unless_unchanged
 from service.context import Context, Here
 from service.downloads import file_response
 from service.routes.about import WRITTEN
@@ -73,7 +74,9 @@ def get_skeleton(here: Here, principal: Reader, collection: CollectionPath, shap
 
 
 @router.get(f"{_SHAPE}/field", operation_id="getField", summary="Scalar field", response_model=FieldValue)
-def get_field(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> Response:
+def get_field(
+    request: Request, here: Here, principal: Reader, collection: CollectionPath, shape: IdPath
+) -> Response:
     """φ₂, or the profile's other field, at each vertex of the denoised mesh, in the order of its vertices."""
     from reebase.mesh.read import read_scalars
 
@@ -81,12 +84,16 @@ def get_field(here: Here, principal: Reader, collection: CollectionPath, shape: 
         opened = open_collection(conn, principal, collection)
         found = shapes.get(conn, opened.id, shape)
         stored = results.skeleton(conn, found.id)
-    _, scalars = read_scalars(here.blobs.get(stored.denoised_sha256))
-    values = [value if math.isfinite(value) else None for value in scalars["phi2"].tolist()]
-    return _json({
-        "shape": found.id, "profile_key": stored.profile_key, "field": opened.profile["field"],
-        "values": values,
-    })  # fmt: skip
+    name = opened.profile["field"]
+
+    def make() -> Response:
+        _, scalars = read_scalars(here.blobs.get(stored.denoised_sha256))
+        values = [value if math.isfinite(value) else None for value in scalars["phi2"].tolist()]
+        return _json(
+            {"shape": found.id, "profile_key": stored.profile_key, "field": name, "values": values}
+        )
+
+    return unless_unchanged(request, f"{stored.denoised_sha256}-{stored.profile_key}-{name}", make)
 
 
 @router.get(f"{_SHAPE}/features", operation_id="getFeatures", summary="Feature vectors")
@@ -128,12 +135,16 @@ def get_mesh(
 
     found, stored = _skeleton(here, principal, collection, shape)
     sha256 = stored.cleaned_sha256 if stage == "cleaned" else stored.denoised_sha256
-    data = here.blobs.get(sha256)
-    if format != "ply":
+
+    def content() -> bytes:
+        data = here.blobs.get(sha256)
+        if format == "ply":
+            return data
         mesh, scalars = read_scalars(data)
-        data = to_bytes(mesh, format, scalars=scalars if format == "glb" else None)
+        return to_bytes(mesh, format, scalars=scalars if format == "glb" else None)
+
     return file_response(
-        request, data, size=len(data), etag=f"{sha256}-{format}", media_type=WRITTEN[format],
+        request, content, etag=f"{sha256}-{format}", media_type=WRITTEN[format],
         filename=f"{found.name}-{stage}.{format}",
     )  # fmt: skip
 

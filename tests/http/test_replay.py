@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import io
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
+from reebase.mesh.write import to_bytes
 from service.conditional import matches
 from service.downloads import attachment
-from tests.http.serving import Served
+from store import evaluations, results, tasks
+from store.settings import Settings
+from tests.http.serving import Served, api_alone
 from tests.http.test_problems import is_problem
 from tests.http.test_uploads import different
+from tests.shapes import icosphere
+from tests.unit.store.descriptions import description
 
 KEY = {"Idempotency-Key": "once"}
 
@@ -153,6 +161,39 @@ def test_changing_a_shape(api: httpx.Client, shelf: str) -> None:
     assert api.patch(path, json={"name": "c"}).json()["tags"] == ["x", "y"]
     for body in ({}, {"name": None}, {"state": "indexed"}, {"tags": ["\n"]}, {"label": "x" * 201}):
         is_problem(api.patch(path, json=body), 422, "validation_error")
+
+
+def test_what_is_unchanged_is_not_even_read(tmp_path: Path) -> None:
+    """A client that has a mesh, a field or a matrix gets 304 although the blob behind it is gone."""
+    ball = to_bytes(icosphere(1), "ply", scalars={"phi2": np.arange(42.0)})
+    with api_alone(tmp_path) as served, served.client() as client:
+        client.post("/v1/collections", json={"name": "c"}).raise_for_status()
+        shape = client.post("/v1/collections/c/shapes", content=ball).headers["location"]
+        evaluation = client.post("/v1/evaluations", json={"collection": "c"}).headers["location"]
+        database, blobs = served.database(), served.blobs()
+        queue = tasks.DatabaseQueue(database, Settings(home=served.home))
+        put, matrix = blobs.put_if_absent(ball), io.BytesIO()
+        np.save(matrix, np.array([[0.0, 0.25], [0.25, 0.0]]))
+        rows = blobs.put_if_absent(matrix.getvalue())
+        first, second = queue.claim("w"), queue.claim("w")
+        assert first is not None and second is not None
+        with database.write() as conn:
+            described = description(np.ones((2, 3)))
+            results.store_description(conn, first, described, cleaned_sha256=put, denoised_sha256=put)
+            items = [{"id": "é", "name": "a", "label": "x"}, {"id": "b", "name": "b", "label": "x"}]
+            evaluations.complete(conn, second, {}, items=items, matrix_sha256=rows)
+        found = client.get(f"{evaluation}/matrix").json()
+        assert (found["items"], found["matrix"]) == (items, [[0.0, 0.25], [0.25, 0.0]])
+        assert client.get(f"{shape}/field").json()["values"] == list(range(42))
+        paths = [f"{shape}/mesh", f"{shape}/mesh?format=obj", f"{shape}/field", f"{evaluation}/matrix"]
+        tags = [client.get(path).headers["etag"] for path in paths]
+        assert len(set(tags)) == len(paths)
+        for sha256 in (put, rows):
+            assert blobs.delete(sha256)
+        for path, tag in zip(paths, tags, strict=True):
+            assert client.get(path, headers={"If-None-Match": tag}).status_code == 304
+            is_problem(client.get(path), 500, "blob_not_found")
+        database.close()
 
 
 def test_deleting(api: httpx.Client, alone: Served, shelf: str) -> None:

@@ -188,10 +188,11 @@ def test_evaluations(database: Database, blobs: LocalBlobs, full: dict[str, str]
         {"map": 0.5}, "succeeded", {"evaluation": done.id},
     )  # fmt: skip
     assert done.items is not None and [item["id"] for item in done.items] == ["a", "b"]
-    assert np.array_equal(evaluations.load_matrix(blobs, done), np.arange(4.0).reshape(2, 2))
+    rows = [*evaluations.matrix_rows(blobs, evaluations.matrix_of(done))]
+    assert np.array_equal(rows, np.arange(4.0).reshape(2, 2))
     assert (waiting.report, waiting.task.state, waiting.task.params) == (None, "queued", waiting.params)
     with pytest.raises(ResultNotFound):
-        evaluations.load_matrix(blobs, waiting)
+        evaluations.matrix_of(waiting)
     with pytest.raises(StaleClaim), database.write() as conn:
         evaluations.complete(conn, waiting.task, {"map": 1.0}, items=[], matrix_sha256=None)
     with database.write() as conn:
@@ -202,6 +203,16 @@ def test_evaluations(database: Database, blobs: LocalBlobs, full: dict[str, str]
                 call(conn, waiting.id)
         with pytest.raises(TaskNotFound):
             tasks.get(conn, waiting.task.id)
+
+
+@pytest.mark.parametrize("n", [0, 1, 700])
+def test_a_matrix_comes_in_rows_wherever_the_pieces_of_its_blob_end(blobs: LocalBlobs, n: int) -> None:
+    expected = np.random.default_rng(n).random((n, n))
+    file = io.BytesIO()
+    np.save(file, expected)
+    rows = [*evaluations.matrix_rows(blobs, blobs.put_if_absent(file.getvalue()))]
+    assert len(rows) == n
+    assert all(map(np.array_equal, rows, expected))
 
 
 def dump(database: Database) -> dict[str, list[str]]:

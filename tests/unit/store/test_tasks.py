@@ -335,6 +335,18 @@ def test_pages_newest_first(database: Database, collection: Collection) -> None:
                 tasks.list_page(conn, cursor=wrong)
 
 
+def test_a_page_leaves_results_out(database: Database, queue: tasks.DatabaseQueue) -> None:
+    with database.write() as conn:
+        tasks.enqueue(conn, "query", blob=SHA)
+    task = claimed(queue)
+    with database.write() as conn:
+        queue.succeed(conn, task, {"hits": ["many"]})
+    with database.read() as conn:
+        (listed,) = tasks.list_page(conn).items
+    assert (listed.state, listed.result) == ("succeeded", None)
+    assert read(database, task).result == {"hits": ["many"]}
+
+
 def test_a_result_that_json_cannot_hold_is_refused(database: Database, queue: tasks.DatabaseQueue) -> None:
     with database.write() as conn:
         tasks.enqueue(conn, "evaluate")
