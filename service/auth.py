@@ -6,6 +6,7 @@ Authentication happens before routing and before a byte of the body is read; aut
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Annotated
@@ -21,6 +22,7 @@ from service.context import Context
 from service.errors import ForbiddenScope, InvalidKey, MissingKey, RateLimited
 from service.problems import problem_response
 from store import keys
+from store.errors import StorageFull, StoreBusy
 from store.records import ApiKey
 
 __all__ = ["ANONYMOUS", "Admin", "Authentication", "Principal", "Reader", "Writer"]
@@ -89,7 +91,8 @@ def _verify(context: Context, secret: str) -> ApiKey | None:
     if key is not None:
         used = key.last_used_at
         if used is None or datetime.now(UTC) - used > USE_NOTED_EVERY:
-            with context.database.write() as conn:
+            # A note for people: a database that cannot be written now must not turn a reader away.
+            with suppress(StoreBusy, StorageFull), context.database.write() as conn:
                 keys.used(conn, key.id)
     return key
 

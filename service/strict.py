@@ -13,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from reebase.errors import TooManyBytes
+from service.bodies import chunks
 from service.errors import MalformedJson
 
 __all__ = ["StrictRoute", "parse_json"]
@@ -69,13 +70,14 @@ def _texts(value: Any) -> Iterator[str]:
 
 class _StrictRequest(Request):
     async def body(self) -> bytes:
+        """Raises TooManyBytes, UploadStalled."""
         if not hasattr(self, "_body"):
             limit = self.app.state.context.settings.max_json_bytes
             declared = self.headers.get("content-length", "")
             if declared.isdigit() and int(declared) > limit:
                 raise _too_long(limit)
             held = bytearray()
-            async for chunk in self.stream():
+            async for chunk in chunks(self):
                 held += chunk
                 if len(held) > limit:
                     raise _too_long(limit)

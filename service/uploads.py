@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager, suppress
@@ -15,7 +14,8 @@ from starlette.requests import Request
 
 from reebase.errors import EmptyFile, TooManyBytes, UnknownFormat
 from reebase.mesh.read.sniff import START, canonical, sniff
-from service.errors import MissingFile, UnsupportedMediaType, UploadStalled
+from service.bodies import chunks
+from service.errors import MissingFile, UnsupportedMediaType
 from service.multipart import MAX_FIELD_BYTES, Form, boundary_of
 from store.blobs import Blobs, BlobWriter
 
@@ -23,9 +23,6 @@ __all__ = ["Upload", "received"]
 
 BATCH_BYTES = 1 << 18
 """So much of the body is gathered before a thread parses, hashes and writes it."""
-
-IDLE_SECONDS = 60.0
-"""A client that sends nothing for so long is given up."""
 
 
 @dataclass
@@ -129,18 +126,17 @@ def _format_of(media_type: str | None) -> str | None:
         return None
 
 
-async def _batches(request: Request) -> AsyncIterator[bytes]:
-    """The body in pieces of some size. Raises UploadStalled when the client stops sending."""
-    held = bytearray()
-    chunks = request.stream().__aiter__()
-    while True:
-        try:
-            async with asyncio.timeout(IDLE_SECONDS):
-                chunk = await anext(chunks, None)
-        except TimeoutError:
-            raise UploadStalled() from None
-        if chunk is None:
-            break
+async def _batches(request: Request, limit: int, overhead: int) -> AsyncIterator[bytes]:
+    """The body in pieces of some size.
+
+    Raises UploadStalled, and TooManyBytes also for what is no part of the file: a form may begin and end with
+    bytes that mean nothing.
+    """
+    held, left = bytearray(), limit + overhead
+    async for chunk in chunks(request):
+        left -= len(chunk)
+        if left < 0:
+            raise too_large(limit)
         held += chunk
         if len(held) >= BATCH_BYTES:
             yield bytes(held)
@@ -178,7 +174,7 @@ async def received(request: Request, blobs: Blobs, limit: int) -> AsyncIterator[
     with intake:
         if kind == "multipart/form-data":
             form = Form(boundary_of(content_type), intake)
-            async for batch in _batches(request):
+            async for batch in _batches(request, limit, overhead):
                 await run_in_threadpool(form.feed, batch)
             form.finish()
             if not form.has_file:
@@ -192,7 +188,7 @@ async def received(request: Request, blobs: Blobs, limit: int) -> AsyncIterator[
                 _one(query, "filename") or options.get(b"filename", b"").decode("utf-8", "replace") or None
             )
             intake.begin(given, content_type)
-            async for batch in _batches(request):
+            async for batch in _batches(request, limit, overhead):
                 await run_in_threadpool(intake.write, batch)
             fields = query
         await run_in_threadpool(intake.finish)

@@ -48,10 +48,25 @@ def _utc(moment: datetime) -> str:
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
+MAX_MEMBERS = 256
+"""Top-level members of metadata; each of a filter is a condition, and a database takes a thousand at most."""
+
+MAX_DEPTH = 32
+"""Of metadata. Comparing and writing values takes recursion, which has an end."""
+
+
 def check_metadata(value: dict[str, Any]) -> dict[str, Any]:
-    """Keys must be printable, and values must not nest deeper than what people read."""
+    """Keys must be printable, and values must not nest deeper than MAX_DEPTH."""
     for key in value:
         printable(key)
+    level: list[Any] = [value]
+    for _ in range(MAX_DEPTH):
+        level = [
+            inner for outer in level if isinstance(outer, dict | list)
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+        ]  # fmt: skip
+    if any(isinstance(one, dict | list) for one in level):
+        raise ValueError(f"must not nest deeper than {MAX_DEPTH} levels")
     return value
 
 
@@ -67,6 +82,7 @@ Metadata = Annotated[
     dict[str, Any],
     AfterValidator(check_metadata),
     Field(
+        max_length=MAX_MEMBERS,
         description="Any JSON object; its top-level members can be filtered by.",
         examples=[{"source": "scan"}],
     ),

@@ -12,6 +12,7 @@ from service.guards import host_name
 from service.rates import RateLimiter
 from service.settings import ServiceSettings
 from store import keys
+from store.errors import StorageFull
 from tests.http.serving import Served, api_alone
 from tests.http.test_problems import is_problem
 from tests.http.test_uploads import different
@@ -78,6 +79,17 @@ def test_a_revoked_key(guarded: Served) -> None:
             keys.revoke(conn, key.id)
         is_problem(client.get("/v1/collections"), 401, "invalid_key")
     database.close()
+
+
+def test_a_key_opens_while_the_database_cannot_be_written(
+    keyed: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise StorageFull
+
+    reader = keyed("read")
+    monkeypatch.setattr(keys, "used", full)
+    assert reader.get("/v1/collections").status_code == 200
 
 
 def test_scopes(keyed: Make) -> None:

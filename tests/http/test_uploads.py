@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import socket
 import time
@@ -132,6 +133,9 @@ TOO_MUCH: dict[str, tuple[dict[str, Any], str]] = {
     "metadata of words": ({"metadata": "red"}, "metadata"),
     "metadata of NaN": ({"metadata": '{"a": NaN}'}, "metadata"),
     "metadata as a list": ({"metadata": "[1]"}, "metadata"),
+    "deep metadata": ({"metadata": '{"a": ' + "[" * 32 + "]" * 32 + "}"}, "metadata"),
+    "very deep metadata": ({"metadata": '{"a": ' + "[" * 600 + "]" * 600 + "}"}, "metadata"),
+    "many members": ({"metadata": json.dumps(dict.fromkeys(map(str, range(257)), 1))}, "metadata"),
     "null character": ({"name": "a\x00b"}, "name"),
     "line break": ({"label": "a\nb"}, "label"),
     "blank name": ({"name": "  "}, "name"),
@@ -206,11 +210,11 @@ def test_a_body_over_the_limit(
     is_problem(api.post(f"{shelf}/shapes", content=chunks), 413, "too_many_bytes")
 
 
-def raw_request(alone: Served, head: str) -> socket.socket:
+def raw_request(alone: Served, head: str, kind: str = "model/ply") -> socket.socket:
     """A connection on which a request has begun."""
     address = httpx.URL(alone.url)
     connection = socket.create_connection((address.host, address.port or 80), timeout=10)
-    connection.sendall(f"{head}\r\nHost: 127.0.0.1\r\nContent-Type: model/ply\r\n".encode())
+    connection.sendall(f"{head}\r\nHost: 127.0.0.1\r\nContent-Type: {kind}\r\n".encode())
     return connection
 
 
@@ -231,6 +235,27 @@ def test_reading_stops_when_a_stream_is_over_the_limit(
         for _ in range(16):
             connection.sendall(piece)  # never ends
         assert connection.recv(4096).startswith(b"HTTP/1.1 413 ")
+
+
+@pytest.mark.parametrize("where", ["before", "behind"])
+def test_bytes_around_the_parts_of_a_form_count_too(
+    api: httpx.Client, shelf: str, leaves_nothing: None, where: str
+) -> None:
+    nothing = (b"\r\n" * 0x8000 for _ in range(50))
+    form = iter([PART + PLY + b"\r\n--frontier--\r\n"])
+    pieces = itertools.chain(nothing, form) if where == "before" else itertools.chain(form, nothing)
+    headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}"}
+    is_problem(api.post(f"{shelf}/shapes", content=pieces, headers=headers), 413, "too_many_bytes")
+
+
+@pytest.mark.parametrize("kind", ["model/ply", "application/json"])
+def test_a_client_that_stops_sending(
+    alone: Served, shelf: str, leaves_nothing: None, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setattr("service.bodies.IDLE_SECONDS", 0.2)
+    with raw_request(alone, f"POST {shelf}/query HTTP/1.1", kind) as connection:
+        connection.sendall(b"Content-Length: 20000\r\n\r\n" + b"{" * 10)
+        assert connection.recv(4096).startswith(b"HTTP/1.1 408 ")
 
 
 def test_a_client_that_leaves(alone: Served, shelf: str, leaves_nothing: None) -> None:
