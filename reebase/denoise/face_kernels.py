@@ -10,7 +10,10 @@ from numba import njit
 
 from reebase.denoise.ring_kernels import CROWD
 
-__all__ = ["around_faces", "face_geometry", "follow_normals", "mean_normals", "median_normals"]
+__all__ = [
+    "around_faces", "bilateral_normals", "face_geometry", "follow_normals", "mean_normals", "median_normals",
+    "normals_above",
+]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
@@ -155,4 +158,53 @@ def follow_normals(
             result[w, 0] /= totals[w]
             result[w, 1] /= totals[w]
             result[w, 2] /= totals[w]
+    return result
+
+
+@njit(cache=True, nogil=True)
+def bilateral_normals(
+    normals: FloatArray, guides: FloatArray, areas: FloatArray, centroids: FloatArray, starts: IntArray, rows: IntArray,
+    sigma_c: float, sigma_s: float,
+) -> FloatArray:  # fmt: skip
+    """sum_s A_s exp(-|c_s - c_t|^2 / 2 sigma_c^2 - |g_s - g_t|^2 / 2 sigma_s^2) n_s over each row, at length 1, (n, 3).
+
+    Where it vanishes the normal stays.
+    """
+    result = normals.copy()
+    near, alike = 0.5 / (sigma_c * sigma_c), 0.5 / (sigma_s * sigma_s)
+    for t in range(len(normals)):
+        x, y, z = 0.0, 0.0, 0.0
+        for k in range(starts[t], starts[t + 1]):
+            s = rows[k]
+            far, other = 0.0, 0.0
+            for axis in range(3):
+                far += (centroids[s, axis] - centroids[t, axis]) ** 2
+                other += (guides[s, axis] - guides[t, axis]) ** 2
+            weight = areas[s] * math.exp(-near * far - alike * other)
+            x += weight * normals[s, 0]
+            y += weight * normals[s, 1]
+            z += weight * normals[s, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            result[t, 0], result[t, 1], result[t, 2] = x / length, y / length, z / length
+    return result
+
+
+@njit(cache=True, nogil=True)
+def normals_above(normals: FloatArray, starts: IntArray, rows: IntArray, threshold: float) -> FloatArray:
+    """sum_s max(0, n_s . n_t - threshold)^2 n_s over each row and t itself, at length 1, (n, 3)."""
+    result = normals.copy()
+    for t in range(len(normals)):
+        own = (1.0 - threshold) ** 2
+        x, y, z = own * normals[t, 0], own * normals[t, 1], own * normals[t, 2]
+        for k in range(starts[t], starts[t + 1]):
+            s = rows[k]
+            product = normals[s, 0] * normals[t, 0] + normals[s, 1] * normals[t, 1] + normals[s, 2] * normals[t, 2]
+            weight = max(0.0, product - threshold) ** 2
+            x += weight * normals[s, 0]
+            y += weight * normals[s, 1]
+            z += weight * normals[s, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            result[t, 0], result[t, 1], result[t, 2] = x / length, y / length, z / length
     return result

@@ -12,12 +12,20 @@ import numpy.typing as npt
 from reebase.errors import ParameterError
 from reebase.mesh.topology import Rings
 
-__all__ = ["Choice", "Filter", "Number", "Ruled", "Step", "Surface"]
+__all__ = ["Choice", "Filter", "Hold", "Number", "Ruled", "Step", "Surface"]
 
 FloatArray = npt.NDArray[np.float64]
 
 Step = Callable[[FloatArray], FloatArray]
 """From positions, (m, 3), to the displacement of each vertex, (m, 3), zero for isolated vertices."""
+
+Hold = Callable[[FloatArray, FloatArray], FloatArray]
+"""From positions and displacements to what the boundary allows of the displacements, all (m, 3)."""
+
+
+def free(_: FloatArray, displacements: FloatArray) -> FloatArray:
+    """Allows everything."""
+    return displacements
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,35 +33,40 @@ class Surface:
     """What a filter is prepared with; lengths are in mean edge lengths of the mesh that came in.
 
     positions: (m, 3), where the vertices are before the first step. faces: int32, (n, 3). rings: built once.
-    unit: that mean edge length in the mesh's own units, for what is printed in raw units.
+    unit: that mean edge length in the mesh's own units, for what is printed in raw units. hold: for steps made
+    of several moves, each of which has to respect the boundary; ``denoise`` applies it to whole steps.
     """
 
     positions: FloatArray
     faces: npt.NDArray[np.int32]
     rings: Rings
-    unit: float
+    unit: float = 1.0
+    hold: Hold = free
 
 
 @dataclass(frozen=True)
 class Number:
-    """A real parameter in [low, high], or (low, high] when ``above_low``."""
+    """A real parameter in [low, high], or (low, high] when ``above_low``; an integer when ``whole``."""
 
     default: float
     low: float
     high: float
     meaning: str
     above_low: bool = False
+    whole: bool = False
 
     def check(self, name: str, value: Any) -> float:
-        """The value as a float. Raises ParameterError."""
-        number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+        """The value as a float, or an int when ``whole``. Raises ParameterError."""
+        kinds = (int, np.integer) if self.whole else (int, float, np.integer, np.floating)
+        number = isinstance(value, kinds) and not isinstance(value, bool)
         # A comparison with NaN is false, so that NaN is refused as well.
         if not number or not (self.low <= value <= self.high) or (self.above_low and value == self.low):
             interval = f"{'(' if self.above_low else '['}{self.low:g}, {self.high:g}]"
             raise ParameterError(
-                f"{name} must be a number in {interval}; found {value!r}.", parameter=name, found=repr(value)
-            )
-        return float(value)
+                f"{name} must be a {'whole ' if self.whole else ''}number in {interval}; found {value!r}.",
+                parameter=name, found=repr(value),
+            )  # fmt: skip
+        return int(value) if self.whole else float(value)
 
 
 @dataclass(frozen=True)

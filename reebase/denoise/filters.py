@@ -9,13 +9,17 @@ import numpy.typing as npt
 
 from reebase.denoise.anisotropic import ANISOTROPIC
 from reebase.denoise.bilateral import BILATERAL
-from reebase.denoise.filter import Filter, FloatArray, Surface
+from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
+from reebase.denoise.fast_effective import FAST_EFFECTIVE
+from reebase.denoise.filter import Filter, FloatArray, Hold, Surface
 from reebase.denoise.finite_volume import FINITE_VOLUME
 from reebase.denoise.graph_diffusion import GRAPH_P_LAPLACIAN, UNIFORM
+from reebase.denoise.guided_normal import GUIDED_NORMAL
 from reebase.denoise.kernel_diffusion import KERNEL
 from reebase.denoise.laplacian import LAPLACIAN
 from reebase.denoise.mean_median import ANGLE_MEDIAN, MEAN
 from reebase.denoise.multiscale_anisotropic import MULTISCALE_ANISOTROPIC
+from reebase.denoise.taubin import TAUBIN
 from reebase.denoise.weighted_laplacian import WEIGHTED_LAPLACIAN
 from reebase.errors import ParameterError, unknown_name
 from reebase.mesh.mesh import Mesh
@@ -27,7 +31,7 @@ METHODS: dict[str, Filter] = {
     entry.name: entry
     for entry in (
         LAPLACIAN, MEAN, ANGLE_MEDIAN, WEIGHTED_LAPLACIAN, BILATERAL, ANISOTROPIC, GRAPH_P_LAPLACIAN, KERNEL, UNIFORM,
-        FINITE_VOLUME, MULTISCALE_ANISOTROPIC,
+        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN,
     )
 }  # fmt: skip
 """Every filter by name."""
@@ -70,17 +74,26 @@ def denoise(
     start, scale = framed(mesh.vertices, around)
     if scale == 0:
         return mesh
-    step = METHODS[method].prepare(Surface(start, mesh.faces, around, scale), checked)
-    curve, along = around.boundary_curve
+    hold = held(boundary, around)
+    step = METHODS[method].prepare(Surface(start, mesh.faces, around, scale, hold), checked)
     positions = start
     for _ in range(iterations):
-        displacements = step(positions)
+        positions = positions + hold(positions, step(positions))
+    return Mesh(mesh.vertices + scale * (positions - start), mesh.faces)
+
+
+def held(boundary: str, around: Rings) -> Hold:
+    """What a kind of boundary allows of displacements, which are changed in place."""
+    curve, along = around.boundary_curve
+
+    def hold(positions: FloatArray, displacements: FloatArray) -> FloatArray:
         if boundary == "fixed":
             displacements[curve] = 0.0
         elif boundary == "curve":
             displacements[curve] = along_curve(positions, displacements[curve], along)
-        positions = positions + displacements
-    return Mesh(mesh.vertices + scale * (positions - start), mesh.faces)
+        return displacements
+
+    return hold
 
 
 def framed(vertices: FloatArray, around: Rings) -> tuple[FloatArray, float]:

@@ -22,23 +22,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from reebase.denoise.faces import faces_around
 from reebase.denoise.filter import Filter, FloatArray, Step, Surface
 
-__all__ = ["ANGLE_MEDIAN", "MEAN", "faces_around"]
-
-IntArray = npt.NDArray[np.int32]
-
-
-def faces_around(surface: Surface) -> tuple[IntArray, IntArray]:
-    """t_i* of each face, in compressed rows."""
-    from reebase.denoise.face_kernels import around_faces
-    from reebase.mesh.topology_kernels import group
-
-    starts, corners = group(surface.faces.ravel().copy(), len(surface.positions))
-    return around_faces(surface.faces, starts, corners)
+__all__ = ["ANGLE_MEDIAN", "MEAN"]
 
 
 def prepare_mean(surface: Surface, _: Mapping[str, Any]) -> Step:

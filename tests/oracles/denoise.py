@@ -342,3 +342,98 @@ def multiscale_anisotropic(mesh: Mesh, step: float = 1.0, scales: int = 2, c: fl
         n = unit(sums[i])
         result[i] += step * (flow @ n) * n
     return result
+
+
+def following(mesh: Mesh, normals: list[FloatArray], moves: int) -> FloatArray:
+    """Positions after ``moves`` steps of Sun et al. (2007) towards the normals of the faces, (m, 3)."""
+    v = mesh.vertices.copy()
+    triangles = [[int(x) for x in face] for face in mesh.faces]
+    for _ in range(moves):
+        result = v.copy()
+        for i in range(len(v)):
+            around = [k for k, t in enumerate(triangles) if i in t]
+            heights = [((v[triangles[k]].mean(axis=0) - v[i]) @ normals[k]) * normals[k] for k in around]
+            if around:
+                result[i] += sum(heights) / len(around)
+        v = result
+    return v
+
+
+def near_faces(mesh: Mesh) -> tuple[list[list[int]], list[tuple[int, int]]]:
+    """The other faces that share a vertex with each face, and the pairs of faces that alone share an edge."""
+    sets = [set(map(int, face)) for face in mesh.faces]
+    near = [[k for k, s in enumerate(sets) if k != i and s & t] for i, t in enumerate(sets)]
+    across: list[tuple[int, int]] = []
+    for i, t in enumerate(sets):
+        shared = {k: sets[k] & t for k in near[i] if k > i}
+        across += [(i, k) for k, edge in shared.items() if len(edge) == 2 and sum(edge <= s for s in sets) == 2]
+    return near, across
+
+
+def bilateral_mean(
+    mesh: Mesh, normals: list[FloatArray], guides: list[FloatArray], sigma_s: float, reach: float
+) -> list[FloatArray]:
+    """Each face's normal after one pass of the joint bilateral filter of normals."""
+    near, across = near_faces(mesh)
+    centroids = [mesh.vertices[face].mean(axis=0) for face in mesh.faces]
+    areas = [area(mesh.vertices, tuple(face)) for face in mesh.faces]
+    sigma_c = reach * np.mean([np.linalg.norm(centroids[s] - centroids[t]) for s, t in across])
+    result = []
+    for t in range(len(normals)):
+        total = np.zeros(3)
+        for s in near[t]:
+            far, other = centroids[s] - centroids[t], guides[s] - guides[t]
+            total += areas[s] * math.exp(-far @ far / (2 * sigma_c**2) - other @ other / (2 * sigma_s**2)) * normals[s]
+        result.append(unit(total))
+    return result
+
+
+def bilateral_normal(
+    mesh: Mesh, sigma_s: float = 0.6, reach: float = 1.0, normal_iterations: int = 5, vertex_iterations: int = 10
+) -> FloatArray:
+    """Positions after one round of Zheng et al. (2011), local scheme, every vertex free, (m, 3)."""
+    normals = [normal(mesh.vertices, tuple(face)) for face in mesh.faces]
+    for _ in range(normal_iterations):
+        normals = bilateral_mean(mesh, normals, normals, sigma_s, reach)
+    return following(mesh, normals, vertex_iterations)
+
+
+def fast_effective(
+    mesh: Mesh, threshold: float = 0.1, normal_iterations: int = 5, vertex_iterations: int = 10
+) -> FloatArray:
+    """Positions after one round of Sun et al. (2007), every vertex free, (m, 3)."""
+    near, _ = near_faces(mesh)
+    normals = [normal(mesh.vertices, tuple(face)) for face in mesh.faces]
+    for _ in range(normal_iterations):
+        normals = [
+            unit(sum(max(0.0, float(normals[s] @ n) - threshold) ** 2 * normals[s] for s in (t, *near[t])))
+            for t, n in enumerate(normals)
+        ]
+    return following(mesh, normals, vertex_iterations)
+
+
+def guided_normal(
+    mesh: Mesh, sigma_s: float = 0.5, reach: float = 1.0, normal_iterations: int = 5, vertex_iterations: int = 10
+) -> FloatArray:
+    """Positions after one round of Zhang et al. (2015), local scheme, every vertex free, (m, 3)."""
+    near, across = near_faces(mesh)
+    for _ in range(normal_iterations):
+        normals = [normal(mesh.vertices, tuple(face)) for face in mesh.faces]
+        areas = [area(mesh.vertices, tuple(face)) for face in mesh.faces]
+        unevenness, means = [], []
+        for t in range(len(normals)):
+            patch = {t, *near[t]}
+            widest = max(np.linalg.norm(normals[s] - normals[r]) for s in patch for r in patch)
+            phi = [np.linalg.norm(normals[s] - normals[r]) for s, r in across if s in patch and r in patch]
+            unevenness.append(widest * max(phi, default=0.0) / (1e-9 + sum(phi)))
+            means.append(unit(sum(areas[s] * normals[s] for s in patch)))
+        guides = [means[min((t, *near[t]), key=lambda s: unevenness[s])] for t in range(len(normals))]
+        normals = bilateral_mean(mesh, normals, guides, sigma_s, reach)
+        mesh = Mesh(following(mesh, normals, vertex_iterations), mesh.faces)
+    return mesh.vertices
+
+
+def taubin(mesh: Mesh, step: float = 0.5, pass_band: float = 0.1) -> FloatArray:
+    """Positions after one pair of steps of Taubin (1995), every vertex free, (m, 3)."""
+    once = Mesh(laplacian(mesh, step), mesh.faces)
+    return laplacian(once, 1 / (pass_band - 1 / step))

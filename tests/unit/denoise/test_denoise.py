@@ -21,7 +21,7 @@ FORGETFUL = {"graph_p_laplacian": {"fitting": 0}, "uniform": {"fitting": 0}}
 ITERATIONS = {"anisotropic": 80}
 """Iterations of filters that are slow: gradients on an even sphere deviate little, so all of them are damped."""
 
-LOCAL = sorted({"laplacian", "mean", "angle_median", "weighted_laplacian", "finite_volume"})
+LOCAL = sorted({"laplacian", "mean", "angle_median", "weighted_laplacian", "finite_volume", "fast_effective", "taubin"})
 """Filters without a statistic of the whole mesh in them."""
 
 
@@ -176,7 +176,7 @@ def test_the_default_is_finite_volume_once() -> None:
 
 
 def test_an_unknown_method_is_refused_with_the_choices() -> None:
-    with pytest.raises(UnknownName, match="bilateral, finite_volume, graph_p_laplacian, kernel, laplacian") as refusal:
+    with pytest.raises(UnknownName, match="guided_normal, kernel, laplacian") as refusal:
         denoise(cube(), "sandpaper")
     assert refusal.value.details["choices"] == sorted(METHODS)
 
@@ -205,6 +205,12 @@ def test_wrong_iterations_are_refused(iterations: object) -> None:
         ("finite_volume", {"scale": 2}, "scale"),
         ("finite_volume", {"anisotropy": 1}, "True, False"),
         ("finite_volume", {"sigma": 1}, "has no parameter 'sigma'"),
+        ("bilateral", {"sigma_s": "guessed"}, "sigma_s must be one of 'deviation'; found 'guessed'"),
+        ("bilateral", {"sigma_s": 0}, r"sigma_s must be a number in \(0, 1000\]"),
+        ("uniform", {"fitting": -1}, "fitting"),
+        ("multiscale_anisotropic", {"scales": 5}, "scales must be one of 1, 2, 3, 4"),
+        ("multiscale_anisotropic", {"scales": True}, "scales"),
+        ("fast_effective", {"normal_iterations": 2.0}, r"normal_iterations must be a whole number in \[1, 1000\]"),
     ],
 )
 def test_wrong_parameters_are_refused(method: str, parameters: dict[str, object], message: str) -> None:

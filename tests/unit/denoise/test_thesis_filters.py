@@ -99,7 +99,7 @@ def test_morozov_keeps_the_residual_at_the_noise(method: str) -> None:
 
 
 def surface(mesh: Mesh) -> Surface:
-    return Surface(mesh.vertices, mesh.faces, rings(mesh.faces, len(mesh.vertices)), 1.0)
+    return Surface(mesh.vertices, mesh.faces, rings(mesh.faces, len(mesh.vertices)))
 
 
 @pytest.mark.parametrize("strength", [0.05, 0.2, 0.4])

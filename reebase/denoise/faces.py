@@ -1,0 +1,53 @@
+"""What the filters of face normals share: which faces are near, how far apart they are, and vertices that follow."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.denoise.filter import FloatArray, Number, Surface
+from reebase.mesh.geometry import lengths
+from reebase.mesh.topology import edges
+
+__all__ = ["VERTEX_ITERATIONS", "centroid_distance", "faces_across", "faces_around", "followed"]
+
+IntArray = npt.NDArray[np.int32]
+
+VERTEX_ITERATIONS = Number(10, 1, 1000, "moves of the vertices towards the filtered normals", whole=True)
+
+
+def faces_around(surface: Surface) -> tuple[IntArray, IntArray]:
+    """The other faces that share a vertex with each face, in compressed rows.
+
+    At a vertex where more than 128 triangles meet, only those that share another vertex with the face as well.
+    """
+    from reebase.denoise.face_kernels import around_faces
+    from reebase.mesh.topology_kernels import group
+
+    starts, corners = group(surface.faces.ravel().copy(), len(surface.positions))
+    return around_faces(surface.faces, starts, corners)
+
+
+def faces_across(surface: Surface) -> tuple[IntArray, IntArray]:
+    """The two faces along each edge that has two: two arrays of faces."""
+    first, second = edges(surface.faces).pairs
+    return first // np.int32(3), second // np.int32(3)
+
+
+def centroid_distance(centroids: FloatArray, across: tuple[IntArray, IntArray]) -> float:
+    """The mean distance between the centroids of faces that share an edge; at least 1e-6, and 1 without such."""
+    if len(across[0]) == 0:
+        return 1.0
+    return max(float(lengths(centroids[across[0]] - centroids[across[1]]).mean()), 1e-6)
+
+
+def followed(surface: Surface, positions: FloatArray, normals: FloatArray, moves: int) -> FloatArray:
+    """Positions after ``moves`` times v_i <- v_i + mean over the triangles t round it of <c_t - v_i, m_t> m_t.
+
+    normals: m_t, (n, 3). Sun et al. 2007, (10): gradient descent on how far the edges are from lying in the planes.
+    """
+    from reebase.denoise.face_kernels import follow_normals
+
+    for _ in range(moves):
+        positions = positions + surface.hold(positions, follow_normals(positions, surface.faces, normals, False))
+    return positions
