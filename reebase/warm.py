@@ -46,13 +46,21 @@ def sample() -> Mesh:
 
 
 def warm(progress: Callable[[str, float], None] | None = None) -> None:
-    """Walk every path that compiles: the pipeline with both readings, every measure, the index."""
+    """Walk every path that compiles: the pipeline, every filter, every measure, the index.
+
+    progress: called with what begins and the fraction of its part that is done.
+    """
+    from reebase.denoise import METHODS, denoise
     from reebase.evaluation.matrix import dissimilarity_matrix
     from reebase.matching import MEASURES
     from reebase.pipeline import describe
     from reebase.search import Index
 
     features = describe(sample(), progress=progress).features
+    for number, method in enumerate(METHODS):
+        if progress is not None:
+            progress(f"filter {method}", number / len(METHODS))
+        denoise(sample(), method)
     index = Index()
     index.add("sample", features)
     for number, measure in enumerate(MEASURES):
@@ -67,7 +75,7 @@ def main() -> None:
     start = time.perf_counter()
 
     def say(stage: str, _: float) -> None:
-        sys.stderr.write(f"\rReebase: compiling the kernels (once): {stage:<24} {time.perf_counter() - start:4.0f} s")
+        sys.stderr.write(f"\rReebase: compiling the kernels (once): {stage:<32} {time.perf_counter() - start:4.0f} s")
         sys.stderr.flush()
 
     warm(say)

@@ -1,0 +1,41 @@
+"""What is compiled ahead is all that a mesh or a query needs."""
+
+import subprocess
+import sys
+
+SCRIPT = """
+import gc
+
+import numpy as np
+
+import reebase
+from numba.core.dispatcher import Dispatcher
+from reebase.denoise import METHODS
+from reebase.mesh import to_bytes
+from reebase.warm import sample, warm
+
+
+def compiled():
+    kernels = (one for one in gc.get_objects() if isinstance(one, Dispatcher))
+    return {f"{k.py_func.__module__}.{k.py_func.__name__}{s}" for k in kernels for s in k.signatures}
+
+
+warm()
+before = compiled()
+assert before
+whole = sample()
+torn = np.vstack([whole.faces[:-50], [[0, 1, 700]], whole.faces[:3]])
+for source in (whole, to_bytes(whole, "stl"), reebase.Mesh(whole.vertices, torn)):
+    graph = reebase.describe(source).skeleton
+reebase.describe(whole, reebase.Profile(field="height", saliency="length", area="ring"))
+reebase.match(graph, reebase.skeleton(whole))
+for method in METHODS:
+    reebase.denoise(whole, method)
+print("\\n".join(sorted(compiled() - before)))
+"""
+
+
+def test_nothing_is_left_to_compile() -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split("\n") == ["", ""]
