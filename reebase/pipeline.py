@@ -191,9 +191,9 @@ def describe(
     source: a mesh, or what ``reebase.read`` takes (a path or a file's bytes, with ``format`` and ``limits``).
     profile: the parameters, by default the pipeline's own.
     progress: called with (stage, fraction) as each stage begins.
-    Raises FormatError, MeshError, LimitError, ParameterError or ComputationError. A shape for which the
-    method is not defined (several components, a boundary, near-equal eigenvalues, no endpoint) is described
-    all the same, with a flag in its health report.
+    Raises OSError, FormatError, MeshError, LimitError, ParameterError, ComputationError or MissingPackage. A shape
+    for which the method is not defined (several components, a boundary, near-equal eigenvalues, no endpoint) is
+    described all the same, with a flag in its health report.
     """
     profile = profile or Profile()
     clock = _Clock(progress)
@@ -251,8 +251,10 @@ def skeleton(
 ) -> Skeleton:
     """The pruned spectral Reeb graph of a mesh as it is (METHOD §3, §4): neither cleaned nor denoised.
 
-    Of several parts, the largest by area is taken. Raises MeshError for a mesh without area, ParameterError for
-    an unknown field or saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found.
+    Of several parts, the largest by area is taken: what was read from a file needs ``clean`` first, as the triangles
+    of an STL share no vertices. Raises MeshError for a mesh without area, ParameterError for an unknown field or
+    saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage
+    for a non-manifold mesh without robust-laplacian.
     """
     body, _ = largest_component(mesh)
     spectrum = eigenpairs(operator(body), max(3, eigenpairs_needed(field)))
