@@ -171,9 +171,10 @@ def _run(settings: ServiceSettings, listener: socket.socket, workers: int) -> No
             h11_max_incomplete_event_size=64 * 1024, lifespan="on", proxy_headers=False,
         )
     )  # fmt: skip
-    # The server raises the signal again once it has stopped; it must not end us before the workers.
+    # Before the server listens to signals, one must not be lost; once it has stopped it raises them again,
+    # and that must not end us before the workers.
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: None)
+        signal.signal(number, lambda *_: setattr(server, "should_exit", True))
     supervisor = Supervisor(workers)
     supervisor.start()
     try:

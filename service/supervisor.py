@@ -99,10 +99,16 @@ class Supervisor:
             _log.warning("worker_died", exit_code=code, restart_in_seconds=slot.backoff)
         if now < slot.next_start:
             return
-        slot.process = subprocess.Popen(  # noqa: S603
-            WORKER, stdin=self._lifeline, env={**worker_environment(), "REEBASE_LIFELINE": "1"},
-            # A session of its own: Ctrl-C in the terminal must reach the API alone, which stops all in order.
-            start_new_session=True,
-        )  # fmt: skip
+        try:
+            slot.process = subprocess.Popen(  # noqa: S603
+                WORKER, stdin=self._lifeline, env={**worker_environment(), "REEBASE_LIFELINE": "1"},
+                # A session of its own: Ctrl-C in the terminal must reach the API alone, which stops all in order.
+                start_new_session=True,
+            )  # fmt: skip
+        except OSError as error:  # no memory, no process, no descriptor: that passes, and nobody else starts one
+            slot.backoff = min(slot.backoff * 2, LAST_BACKOFF)
+            slot.next_start = now + slot.backoff
+            _log.error("worker_not_started", error=str(error), again_in_seconds=slot.backoff)
+            return
         slot.started = now
         _log.info("worker_started", pid=slot.process.pid)

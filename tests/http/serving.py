@@ -47,7 +47,7 @@ class Served:
 
     def unfinished(self) -> list[str]:
         """What uploads have left half written."""
-        return sorted(path.name for path in (self.home / "blobs" / "unfinished").iterdir())
+        return sorted(path.name for path in (self.home / "blobs" / "unfinished").glob("*"))
 
 
 def environment(home: Path, **more: str) -> dict[str, str]:

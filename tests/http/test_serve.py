@@ -15,6 +15,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from service.supervisor import Supervisor
 from tests.http.serving import ROOT, Served, environment, whole_service
 from tests.http.test_main_job import indexed, uploaded
 from tests.shapes import capsule
@@ -86,6 +87,36 @@ def test_workers_do_not_outlive_a_killed_api(tmp_path: Path) -> None:
         workers = workers_of(served, 2)
         served.process.kill()
         assert gone(workers)
+
+
+def test_a_signal_that_comes_before_the_server_listens_is_not_lost(tmp_path: Path) -> None:
+    early = (
+        "import os, signal, service.supervisor as s\n"
+        "s.Supervisor.start = lambda self: os.kill(os.getpid(), signal.SIGTERM)\n"
+        "from service.commands import serve\n"
+        "serve(host=None, port=0, workers=0, no_worker=True, allow_anonymous=False, log_level='info')\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", early], cwd=ROOT, env=environment(tmp_path), timeout=30, check=False)
+    assert ended.returncode == 0
+
+
+def test_a_worker_that_cannot_be_started_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    tries = []
+
+    def refused(*_: object, **__: object) -> None:
+        tries.append(time.monotonic())
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr("service.supervisor.subprocess.Popen", refused)
+    monkeypatch.setattr("service.supervisor.FIRST_BACKOFF", 0.01)
+    monkeypatch.setattr("service.supervisor.LAST_BACKOFF", 0.02)
+    supervisor = Supervisor(1)
+    supervisor.start()
+    end = time.monotonic() + 10
+    while len(tries) < 3 and time.monotonic() < end:
+        time.sleep(0.01)
+    supervisor.stop()
+    assert len(tries) >= 3
 
 
 def test_what_serve_says(tmp_path: Path) -> None:
