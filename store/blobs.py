@@ -81,9 +81,13 @@ class Blobs(Protocol):
         """While it is held, ``delete`` removes nothing."""
 
 
+def _is_hash(text: str) -> bool:
+    return len(text) == 64 and set(text) <= set("0123456789abcdef")
+
+
 def _check_hash(sha256: str) -> str:
     # A hash becomes part of a path.
-    if len(sha256) != 64 or not set(sha256) <= set("0123456789abcdef"):
+    if not _is_hash(sha256):
         raise BlobNotFound(f"{sha256[:80]!r} is not a SHA-256 in lower-case hexadecimal digits.")
     return sha256
 
@@ -200,7 +204,8 @@ class LocalBlobs:
     def all(self) -> Iterator[str]:
         for first in sorted(self.directory.glob("[0-9a-f][0-9a-f]")):
             for second in sorted(first.glob("[0-9a-f][0-9a-f]")):
-                yield from sorted(path.name for path in second.iterdir())
+                # Whatever else a file system or a person puts there is no blob.
+                yield from sorted(path.name for path in second.iterdir() if _is_hash(path.name))
 
     def clear_unfinished(self, *, grace_seconds: float) -> int:
         removed = 0
@@ -230,13 +235,10 @@ class LocalBlobs:
             try:
                 os.utime(target)
             except FileNotFoundError:
-                pass
-            else:
-                return
-            made = [parent for parent in (target.parent.parent, target.parent) if not parent.exists()]
-            target.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.replace(target)
-        for directory in (target.parent, *(parent.parent for parent in made)):
+                target.parent.mkdir(parents=True, exist_ok=True)
+                unfinished.replace(target)
+        # Also where the blob or its directory was there: whoever made it may have died before this line.
+        for directory in (target.parent, target.parent.parent, self.directory):
             _sync_directory(directory)
 
     @contextmanager

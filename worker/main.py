@@ -127,6 +127,8 @@ class Worker:
                 continue
             if task is not None:
                 self._do(task)
+                # Not only when idle: a queue that never empties must not fill the disk.
+                self._sweep_when_due()
             elif once:
                 return
             else:
@@ -189,7 +191,7 @@ class Worker:
 
     def _sweep_when_due(self) -> None:
         now = time.monotonic()
-        if self._swept is not None and now - self._swept < _SWEEP_SECONDS:
+        if self.stop.requested or (self._swept is not None and now - self._swept < _SWEEP_SECONDS):
             return
         self._swept = now
         try:

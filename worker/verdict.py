@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from store.errors import StorageFull
 from worker.guards import ChildLimits
 
 __all__ = ["ChildError", "End", "judge", "kills_for_memory"]
@@ -68,7 +69,8 @@ def _verdict(  # noqa: PLR0911 - one line a cause, the most telling first
         return "out_of_memory", memory, True, used
     if end.error is not None:
         rest = {name: value for name, value in end.detail.items() if name != "message"}
-        return end.error, str(end.detail.get("message", end.error)), True, rest
+        lasting = end.error != StorageFull.code
+        return end.error, str(end.detail.get("message", end.error)), lasting, rest
     killed = end.code == -signal.SIGKILL
     if end.code == -signal.SIGXCPU or (killed and end.cpu_seconds >= limits.cpu_seconds):
         allowed = f"the {limits.cpu_seconds} s of processor time that one mesh may use"

@@ -169,6 +169,28 @@ def test_bytes_are_on_disk_before_the_name_is(local: LocalBlobs, monkeypatch: py
     assert steps == ["file", "rename", "directory", "directory", "directory"]
 
 
+def test_a_blob_that_another_put_is_on_disk_before_it_counts_as_kept(
+    local: LocalBlobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    local.put_if_absent(DATA)
+    synced: list[Path] = []
+    fsync = os.fsync
+
+    def note_fsync(descriptor: int) -> None:
+        synced.append(Path(f"/proc/self/fd/{descriptor}").readlink())
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", note_fsync)
+    local.put_if_absent(DATA)
+    assert local.path(SHA).parent in synced
+
+
+def test_what_else_lies_among_the_blobs_is_none(local: LocalBlobs) -> None:
+    local.put_if_absent(DATA)
+    local.path(SHA).with_name(".nfs0001").touch()
+    assert list(local.all()) == [SHA]
+
+
 def test_a_full_disk_has_a_name(local: LocalBlobs, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -117,6 +117,13 @@ def test_a_stopped_job_is_put_back_without_blame(worker, monkeypatch):
     assert (found.state, found.crashes) == ("queued", 0)
 
 
+def test_a_worker_that_is_never_idle_sweeps_too(worker, monkeypatch):
+    swept = []
+    monkeypatch.setattr(main.sweep, "sweep", lambda *_: swept.append(True))
+    outcome(worker, monkeypatch, NoFaces())
+    assert swept == [True]
+
+
 def test_an_idle_worker_sweeps(worker, monkeypatch):
     swept = []
 

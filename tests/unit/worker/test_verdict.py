@@ -35,6 +35,7 @@ def test_an_answer_is_an_answer_only_from_a_child_that_left_well():
         ({"code": None}, ("child_crashed", False)),
         ({"code": 0, "error": "out_of_memory"}, ("out_of_memory", True)),
         ({"code": 0, "error": "no_faces", "detail": {"message": "None."}}, ("no_faces", True)),
+        ({"code": 0, "error": "storage_full", "detail": {"message": "Full."}}, ("storage_full", False)),
         ({"code": -signal.SIGABRT, "errors": "what():  std::bad_alloc"}, ("out_of_memory", True)),
         ({"code": -signal.SIGSEGV, "peak_bytes": 1 << 30}, ("out_of_memory", True)),
         ({"code": -signal.SIGSEGV}, ("child_crashed", True)),
