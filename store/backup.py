@@ -98,8 +98,10 @@ def restore(source: Path, settings: Settings) -> Manifest:
     TargetNotEmpty when there is a database, UnsupportedDatabase when a newer version wrote the backup.
     """
     path = sqlite_path(settings.database_url)
-    if path.exists():
-        raise TargetNotEmpty(f"There is a database at {path}; move it away first, nothing was changed.")
+    # A log without its database is replayed into whatever database comes to lie beside it.
+    for there in (path, *(path.with_name(path.name + end) for end in ("-wal", "-shm"))):
+        if there.exists():
+            raise TargetNotEmpty(f"There is a database at {there}; move it away first, nothing was changed.")
     manifest = verify(source)
     kept, blobs = LocalBlobs(source / _BLOBS), open_blobs(settings)
     for sha256 in manifest.blobs:

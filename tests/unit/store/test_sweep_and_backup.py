@@ -292,6 +292,18 @@ def test_a_damaged_backup_restores_nothing(
     assert not there.home.exists()
 
 
+@pytest.mark.parametrize("left", ["reebase.sqlite", "reebase.sqlite-wal", "reebase.sqlite-shm"])
+def test_what_a_database_left_behind_is_not_mixed_into_the_restored_one(
+    database: Database, blobs: LocalBlobs, full: dict[str, str], tmp_path: Path, left: str
+) -> None:
+    backup(database, blobs, tmp_path / "backup")
+    there = Settings(home=tmp_path / "elsewhere")
+    there.home.mkdir()
+    (there.home / left).write_bytes(b"old")
+    with pytest.raises(TargetNotEmpty, match=left):
+        restore(tmp_path / "backup", there)
+
+
 def test_a_store_that_is_damaged_says_so_when_backed_up(
     database: Database, blobs: LocalBlobs, full: dict[str, str], tmp_path: Path
 ) -> None:
