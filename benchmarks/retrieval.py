@@ -59,6 +59,7 @@ def main() -> None:
     parser.add_argument("--bands", nargs="+", type=int, default=[Profile().bands])
     parser.add_argument("--denoise", nargs="+", default=["finite_volume", "none"])
     parser.add_argument("--area", nargs="+", default=["band"])
+    parser.add_argument("--operator", nargs="+", default=["auto"])
     parser.add_argument("--threshold", nargs="+", type=float, default=[Profile().threshold])
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     options = parser.parse_args()
@@ -66,10 +67,10 @@ def main() -> None:
         list(pool.map(features, [(next(iter(synthetic_set(per_class=1))).mesh, Profile())] * options.jobs))
         for name in options.sets:
             labels, sources = load(name)
-            for bands, denoise, area, threshold in itertools.product(
-                options.bands, options.denoise, options.area, options.threshold
+            for bands, denoise, area, threshold, operator in itertools.product(
+                options.bands, options.denoise, options.area, options.threshold, options.operator
             ):
-                profile = Profile(denoise=denoise, bands=bands, area=area, threshold=threshold)
+                profile = Profile(denoise=denoise, bands=bands, area=area, threshold=threshold, operator=operator)
                 start = time.perf_counter()
                 found = list(pool.map(features, [(source, profile) for source in sources], chunksize=4))
                 seconds = time.perf_counter() - start
@@ -78,7 +79,7 @@ def main() -> None:
                 kept = [(one, label) for one, label in zip(found, labels, strict=True) if not isinstance(one, str)]
                 print(
                     f"\n{name}: {len(kept)} of {len(sources)} described in {seconds:.1f} s; "
-                    f"{bands} bands, denoise {denoise}, area {area}, threshold {threshold}"
+                    f"{bands} bands, denoise {denoise}, area {area}, threshold {threshold}, operator {operator}"
                 )
                 for measure in MEASURES:
                     matrix = dissimilarity_matrix([one for one, _ in kept], measure)

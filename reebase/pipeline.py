@@ -27,6 +27,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read import Limits, read
 from reebase.mesh.topology import largest_component
 from reebase.skeleton import MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
+from reebase.spectrum import KINDS as OPERATORS
 from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, operator
 from reebase.spectrum import field as scalar_field
 
@@ -50,6 +51,7 @@ class Profile:
     field: name of the scalar field. bands: number of bands of the Reeb graph, 2 to 1024.
     saliency: "area" or "length"; threshold: branches with less than this share are pruned, 0 to 0.99.
     area: "band" or "ring", the reading of the relative node area (METHOD §5).
+    operator: "auto", "cotangent" or "tufted", what the stiffness is built from.
     """
 
     denoise: str = "finite_volume"
@@ -59,6 +61,7 @@ class Profile:
     saliency: str = "area"
     threshold: float = 0.01
     area: str = "band"
+    operator: str = "auto"
 
     def __post_init__(self) -> None:
         """Refuse what no stage could use. Raises UnknownName or ParameterError."""
@@ -66,6 +69,7 @@ class Profile:
             "denoising filter": (self.denoise, ("none", *METHODS)),
             "saliency": (self.saliency, SALIENCIES),
             "area": (self.area, AREAS),
+            "operator": (self.operator, OPERATORS),
         }
         for kind, (name, names) in known.items():
             if name not in names:
@@ -208,7 +212,7 @@ def describe(
         # A filter can flatten a sliver that cleaning let pass: the skeleton is that of the largest part.
         body, kept = largest_component(denoised)
     with clock.stage("operator"):
-        body_operator = operator(body)
+        body_operator = operator(body, profile.operator)
     with clock.stage("eigenpairs"):
         spectrum = eigenpairs(body_operator, max(3, eigenpairs_needed(profile.field)))
         values = scalar_field(profile.field, body, spectrum)

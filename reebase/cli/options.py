@@ -19,6 +19,7 @@ Threshold = Annotated[float, typer.Option(help="Branches with less than this sha
 Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area or length.")]
 Field = Annotated[str, typer.Option(help="Scalar field: fiedler, eigenfunction:K or height.")]
 Area = Annotated[str, typer.Option(help="Node area: band or ring.")]
+Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, cotangent or tufted.")]
 Measure = Annotated[str, typer.Option(help="Dissimilarity: matching, matching_mean, greedy or literal.")]
 Labels = Annotated[
     Path | None,

@@ -24,12 +24,13 @@ def skeleton(
     saliency: options.Saliency = options.DEFAULT.saliency,
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
+    operator: options.Operator = options.DEFAULT.operator,
 ) -> None:
     """Skeleton and endpoint features of one mesh.
 
     Exit code 0: described. 2: the mesh or an option was refused.
     """
-    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area)
+    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area, operator)
     check_target(json_out)
     kind = check_picture(picture)
     found = describe(mesh, profile)

@@ -32,6 +32,7 @@ class ProfileBody(Body):
         _DEFAULT.threshold, ge=0, le=0.99, description="Branches with less than this share are pruned."
     )
     area: Text = Field(_DEFAULT.area, description="Reading of the relative node area: `band` or `ring`.")
+    operator: Text = Field(_DEFAULT.operator, description="`cotangent`, `tufted`, or `auto`: tufted where it must be.")
 
 
 class NewCollection(Body):

@@ -120,7 +120,7 @@ def test_bytes_and_paths_and_meshes_are_the_same() -> None:
 def test_profile_key_depends_on_every_parameter() -> None:
     changes = {
         "denoise": "none", "iterations": 2, "field": "height", "bands": 16, "saliency": "length",
-        "threshold": 0.02, "area": "ring",
+        "threshold": 0.02, "area": "ring", "operator": "tufted",
     }  # fmt: skip
     assert set(changes) == set(Profile().to_json())
     keys = {replace(Profile(), **{name: value}).key for name, value in changes.items()} | {Profile().key}
@@ -136,6 +136,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
         ({"field": "colour"}, UnknownName),
         ({"saliency": "beauty"}, UnknownName),
         ({"area": "acre"}, UnknownName),
+        ({"operator": "crane"}, UnknownName),
         ({"bands": 1}, ParameterError),
         ({"bands": 10**9}, ParameterError),
         ({"bands": 64.5}, ParameterError),
