@@ -10,6 +10,7 @@ import numpy.typing as npt
 from reebase.denoise.anisotropic import ANISOTROPIC
 from reebase.denoise.bilateral import BILATERAL
 from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
+from reebase.denoise.fairing import FAIRING
 from reebase.denoise.fast_effective import FAST_EFFECTIVE
 from reebase.denoise.filter import Filter, FloatArray, Hold, Surface
 from reebase.denoise.finite_volume import FINITE_VOLUME
@@ -31,7 +32,7 @@ METHODS: dict[str, Filter] = {
     entry.name: entry
     for entry in (
         LAPLACIAN, MEAN, ANGLE_MEDIAN, WEIGHTED_LAPLACIAN, BILATERAL, ANISOTROPIC, GRAPH_P_LAPLACIAN, KERNEL, UNIFORM,
-        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN,
+        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN, FAIRING,
     )
 }  # fmt: skip
 """Every filter by name."""

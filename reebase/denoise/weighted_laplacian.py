@@ -19,22 +19,29 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
 
-__all__ = ["WEIGHTED_LAPLACIAN"]
+__all__ = ["LARGEST", "WEIGHTED_LAPLACIAN"]
+
+LARGEST = Number(20 / math.sqrt(3), 0.0, 1e6, "the largest weight of an edge", above_low=True)
 
 
 def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     """The step of (1.12) on this surface."""
-    from reebase.denoise.weighted_laplacian_kernels import cotangent_step
+    from reebase.denoise.cotangent_kernels import cotangent_weights
+    from reebase.denoise.ring_kernels import diffuse
 
     rings = surface.rings
+    halves = np.full(len(surface.positions), 0.5)
 
     def step(positions: FloatArray) -> FloatArray:
-        return cotangent_step(
-            positions, rings.corner_starts, rings.ring, rings.neighbour_starts, rings.neighbours,
-            parameters["largest"], parameters["step"],
-        )  # fmt: skip
+        weights = cotangent_weights(
+            positions, rings.corner_starts, rings.ring, rings.neighbour_starts, rings.neighbours, parameters["largest"]
+        )
+        moved, totals = diffuse(positions, rings.neighbour_starts, rings.neighbours, weights, halves)
+        return np.asarray(parameters["step"] * moved / np.where(totals > 0, totals, 1.0)[:, None])
 
     return step
 
@@ -45,6 +52,6 @@ WEIGHTED_LAPLACIAN = Filter(
     prepare=prepare,
     parameters={
         "step": Number(1.0, 0.0, 1.0, "share of the way to the mean", above_low=True),
-        "largest": Number(20 / math.sqrt(3), 0.0, 1e6, "the largest weight of an edge", above_low=True),
+        "largest": LARGEST,
     },
 )

@@ -437,3 +437,23 @@ def taubin(mesh: Mesh, step: float = 0.5, pass_band: float = 0.1) -> FloatArray:
     """Positions after one pair of steps of Taubin (1995), every vertex free, (m, 3)."""
     once = Mesh(laplacian(mesh, step), mesh.faces)
     return laplacian(once, 1 / (pass_band - 1 / step))
+
+
+def fairing(mesh: Mesh, time: float = 0.5, largest: float = 20 / math.sqrt(3)) -> FloatArray:
+    """Positions after one implicit step of Desbrun et al. (1999), volume not kept, every vertex free, (m, 3)."""
+    v = mesh.vertices
+    mass, stiffness = np.zeros((len(v), len(v))), np.zeros((len(v), len(v)))
+    for i in range(len(v)):
+        neighbours, triangles = one_ring(mesh, i)
+        mass[i, i] = sum(area(v, t) for t in triangles) / 3
+        for j in neighbours:
+            w = 0.0
+            for t in triangles:
+                if j in t:
+                    (k,) = set(t) - {i, j}
+                    p, q = v[i] - v[k], v[j] - v[k]
+                    w += p @ q / np.linalg.norm(np.cross(p, q))
+            w = min(max(w, 0.0), largest) / 2
+            stiffness[i, i] += w
+            stiffness[i, j] -= w
+    return np.linalg.solve(mass + time * mean_edge(mesh) ** 2 * stiffness, mass @ v)

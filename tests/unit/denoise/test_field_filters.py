@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from reebase.denoise import add_noise, denoise, mean_angle, volume_change
+from reebase.denoise import add_noise, denoise, fairing, mean_angle, volume_change
+from reebase.mesh.geometry import mean_edge_length
 from reebase.mesh.mesh import Mesh
 from tests.oracles import denoise as oracle
 from tests.shapes import capsule, cylinder, icosphere, moebius, torus, voxels
@@ -27,6 +28,8 @@ VARIANTS: list[tuple[str, dict[str, object], Twin]] = [
     ("fast_effective", FEW | {"threshold": 0.5}, lambda mesh: oracle.fast_effective(mesh, 0.5, **FEW)),
     ("guided_normal", FEW, lambda mesh: oracle.guided_normal(mesh, **FEW)),
     ("guided_normal", FEW | {"sigma_s": 0.2, "reach": 2}, lambda mesh: oracle.guided_normal(mesh, 0.2, 2.0, **FEW)),
+    ("fairing", {"keep_volume": False}, oracle.fairing),
+    ("fairing", {"keep_volume": False, "time": 20, "largest": 2}, lambda mesh: oracle.fairing(mesh, 20.0, 2.0)),
     ("taubin", {}, oracle.taubin),
     ("taubin", {"step": 0.3, "pass_band": 0.2}, lambda mesh: oracle.taubin(mesh, 0.3, 0.2)),
 ]  # fmt: skip
@@ -68,3 +71,24 @@ def test_the_gain_of_taubin_is_that_of_its_formula() -> None:
     gain = (1 - 0.5 * k) * (1 + k / (1 / 0.5 - 0.1))
     found = denoise(mesh, "taubin").vertices
     assert np.sqrt((found**2).sum() / (mesh.vertices**2).sum()) == pytest.approx(gain, abs=1e-4)
+
+
+def test_fairing_keeps_the_volume_of_closed_meshes() -> None:
+    mesh = add_noise(torus(), 0.2, seed=1)
+    assert volume_change(mesh, denoise(mesh, "fairing", 3, time=5)) == pytest.approx(0, abs=1e-9)
+    assert volume_change(mesh, denoise(mesh, "fairing", 3, time=5, keep_volume=False)) < -3
+
+
+def test_a_sphere_shrinks_by_its_mean_curvature() -> None:
+    """The flow dr/dt = -2/r by an implicit step from r = 1: coordinates have the eigenvalue 2, so r = 1 / (1 + 2 t)."""
+    mesh = icosphere(5)
+    time = 10 * mean_edge_length(mesh) ** 2
+    found = denoise(mesh, "fairing", time=10, keep_volume=False).vertices
+    assert np.linalg.norm(found, axis=1) == pytest.approx(1 / (1 + 2 * time), rel=2e-3)
+
+
+def test_what_gradients_do_not_solve_factors_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fairing, "MOST_ROUNDS", 2)
+    mesh = add_noise(SHAPES["torus"], 0.2, seed=1)
+    found = denoise(mesh, "fairing", keep_volume=False, time=50).vertices
+    assert found == pytest.approx(oracle.fairing(mesh, 50.0), abs=1e-10)

@@ -1,4 +1,4 @@
-"""One step of the cotangent-weighted Laplacian over one-rings. Assumes valid input."""
+"""Cotangent weights over one-rings. Assumes valid input."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["cotangent_step"]
+__all__ = ["cotangent_weights"]
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
@@ -26,29 +26,20 @@ def cotangent(positions: FloatArray, apex: int, i: int, j: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def cotangent_step(
+def cotangent_weights(
     positions: FloatArray, corner_starts: IntArray, ring: IntArray, starts: IntArray, neighbours: IntArray,
-    largest: float, step: float,
+    largest: float,
 ) -> FloatArray:  # fmt: skip
-    """``step`` times the mean of v_j - v_i with clamped cotangent weights, (m, 3), zero where they are all zero."""
-    result = np.zeros_like(positions)
-    weights = np.zeros(len(positions))
+    """The sum of the cotangents opposite the edge to each neighbour, clamped to [0, largest]."""
+    weights = np.empty(len(neighbours))
+    sums = np.zeros(len(positions))
     for i in range(len(positions)):
         for c in range(corner_starts[i], corner_starts[i + 1]):
             j, k = ring[c, 0], ring[c, 1]
-            weights[j] += cotangent(positions, k, i, j)
-            weights[k] += cotangent(positions, j, i, k)
-        x, y, z, total = 0.0, 0.0, 0.0, 0.0
+            sums[j] += cotangent(positions, k, i, j)
+            sums[k] += cotangent(positions, j, i, k)
+        sums[i] = 0.0  # a triangle that names i twice
         for c in range(starts[i], starts[i + 1]):
-            j = neighbours[c]
-            weight = min(max(weights[j], 0.0), largest)
-            weights[j] = 0.0
-            total += weight
-            x += weight * (positions[j, 0] - positions[i, 0])
-            y += weight * (positions[j, 1] - positions[i, 1])
-            z += weight * (positions[j, 2] - positions[i, 2])
-        weights[i] = 0.0  # a triangle that names i twice
-        if total > 0.0:
-            scale = step / total
-            result[i, 0], result[i, 1], result[i, 2] = scale * x, scale * y, scale * z
-    return result
+            weights[c] = min(max(sums[neighbours[c]], 0.0), largest)
+            sums[neighbours[c]] = 0.0
+    return weights
