@@ -131,8 +131,9 @@ def evaluate(
     Raises ParameterError for other shapes and values, and when no label occurs twice.
     """
     matrix, names = _checked(D, labels, ids)
-    if bootstrap < 0:
-        raise ParameterError(f"bootstrap must be at least 0; found {bootstrap}.", parameter="bootstrap")
+    for name, number in (("bootstrap", bootstrap), ("seed", seed)):
+        if number % 1 or number < 0:
+            raise ParameterError(f"{name} must be a whole number of at least 0; found {number}.", parameter=name)
     known = np.array([i for i, label in enumerate(labels) if label is not None], dtype=np.int64)
     kept = [str(labels[i]) for i in known]
     counts = Counter(kept)

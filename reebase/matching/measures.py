@@ -113,11 +113,12 @@ def dissimilarities(
 
     code = measure_named(measure).code
     features, rows = as_features(query, "query"), as_features(stacked, "stacked")
-    bounds = np.ascontiguousarray(offsets, dtype=np.int64)
+    given = np.asarray(offsets)
+    bounds = np.ascontiguousarray(given if given.dtype.kind in "iu" else [], dtype=np.int64)
     spans = bounds.ndim == 1 and len(bounds) > 0 and bounds[0] == 0 and bounds[-1] == len(rows)
     if not spans or bool((np.diff(bounds) < 0).any()):
         raise ParameterError(
-            f"offsets must rise from 0 to {len(rows)}, the number of rows of stacked.",
+            f"offsets must be whole numbers that rise from 0 to {len(rows)}, the number of rows of stacked.",
             parameter="offsets",
         )
     out = np.empty(len(bounds) - 1)

@@ -117,8 +117,8 @@ class Index:
         """
         chosen = measure_named(measure)
         rows = as_features(features)
-        if k < 1:
-            raise ParameterError(f"k must be at least 1; found {k}.", parameter="k", found=k)
+        if k % 1 or k < 1:
+            raise ParameterError(f"k must be a whole number of at least 1; found {k}.", parameter="k", found=k)
         limit = math.inf if max_dissimilarity is None else float(max_dissimilarity)
         if not limit >= 0:
             raise ParameterError(
@@ -144,7 +144,7 @@ class Index:
 def _reachable(buckets: Mapping[int, Bucket], count: int, tolerance: int | None) -> list[Bucket]:
     if tolerance is None:
         return [buckets[size] for size in sorted(buckets)]
-    if tolerance < 0:
+    if not tolerance >= 0:
         raise ParameterError(
             f"tolerance must be at least 0, or None for all; found {tolerance}.",
             parameter="tolerance", found=tolerance,

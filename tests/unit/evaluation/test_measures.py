@@ -169,6 +169,8 @@ def test_the_report_is_json_and_holds_the_matrix_when_asked():
         ((np.zeros((2, 2)), [None, None]), "nothing to evaluate"),
         ((np.zeros((0, 0)), []), "nothing to evaluate"),
         ((np.zeros((2, 2)), ["a", "a"], None, -1), "bootstrap"),
+        ((np.zeros((2, 2)), ["a", "a"], None, 1.5), "bootstrap"),
+        ((np.zeros((2, 2)), ["a", "a"], None, 10, -1), "seed"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(arguments, message):

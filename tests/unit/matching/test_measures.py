@@ -105,7 +105,7 @@ def test_one_with_none():
     assert dissimilarities([[0.1, 0.2, 0.3]], [0], []).shape == (0,)
 
 
-@pytest.mark.parametrize("offsets", [[], [0], [0, 1], [1, 2], [0, 3], [0, 2, 1, 2], [[0, 2]]])
+@pytest.mark.parametrize("offsets", [[], [0], [0, 1], [1, 2], [0, 3], [0, 2, 1, 2], [[0, 2]], [0, 2.7], ["0", "2"]])
 def test_offsets_that_do_not_cover_the_rows_are_refused(offsets):
     with pytest.raises(ParameterError, match="offsets"):
         dissimilarities([[0.1, 0.2, 0.3]], offsets, np.ones((2, 3)))

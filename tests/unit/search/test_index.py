@@ -130,7 +130,8 @@ def test_counts_and_considered(shapes, index):
 
 @pytest.mark.parametrize(
     ("options", "parameter"),
-    [({"k": 0}, "k"), ({"k": -1}, "k"), ({"tolerance": -1}, "tolerance"),
+    [({"k": 0}, "k"), ({"k": -1}, "k"), ({"k": 2.5}, "k"),
+     ({"tolerance": -1}, "tolerance"), ({"tolerance": np.nan}, "tolerance"),
      ({"max_dissimilarity": -0.1}, "max_dissimilarity"),
      ({"max_dissimilarity": np.nan}, "max_dissimilarity")],
 )  # fmt: skip
