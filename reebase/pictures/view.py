@@ -45,6 +45,8 @@ class View:
         Signs: the heavier tail of the distribution along an axis points right and up.
         """
         corners = mesh.vertices[mesh.faces]
+        corners = corners - corners[:1, :1]
+        corners /= float(np.abs(corners).max(initial=0.0)) or 1.0  # squares of any unit are numbers
         weights = np.linalg.norm(_crossed(corners), axis=1)
         if not weights.sum() > 0:
             return cls(np.eye(3))

@@ -24,6 +24,7 @@ from reebase.pictures import (
 )
 from reebase.pictures.canvas import PALETTE, printable
 from reebase.skeleton.graph import Skeleton
+from reebase.warm import sample
 from tests.shapes import capsule, flipped, grid, icosphere, moved, torus
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -120,6 +121,13 @@ def test_principal_axes_do_not_depend_on_how_the_mesh_lies() -> None:
     np.testing.assert_allclose(
         placed(mesh, mesh.vertices, 100)[:, :2], placed(turned, turned.vertices, 100)[:, :2], atol=1e-6
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("scale", [1e-160, 1e-12, 1e12, 1e150])
+def test_the_unit_does_not_matter(scale: float) -> None:
+    mesh = sample()
+    seen = placed(Mesh(mesh.vertices * scale, mesh.faces), mesh.vertices * scale, 64)
+    np.testing.assert_allclose(seen, placed(mesh, mesh.vertices, 64), atol=1e-6)
 
 
 def test_upright_has_z_up_and_the_viewer_in_front() -> None:
