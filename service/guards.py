@@ -70,4 +70,7 @@ class Guards:
         origin = headers.get("origin")
         if origin is None:
             return False
-        return urlsplit(origin).netloc.lower() != host.lower()
+        try:
+            return urlsplit(origin).netloc.lower() != host.lower()
+        except ValueError:  # no browser sends it
+            return True

@@ -18,6 +18,7 @@ from service.bodies import chunks
 from service.errors import MissingFile, UnsupportedMediaType
 from service.multipart import MAX_FIELD_BYTES, Form, boundary_of
 from store.blobs import Blobs, BlobWriter
+from store.errors import StoreBusy
 
 __all__ = ["Upload", "received"]
 
@@ -41,6 +42,15 @@ class Upload:
     def keep(self) -> str:
         """Make the blob durable; returns its SHA-256. Blocks. Without this call nothing stays."""
         return self._intake.commit()
+
+    def check_kept(self, sha256: str) -> None:
+        """Call it in the transaction that names the blob. Raises StoreBusy when a sweep was faster.
+
+        A sweep removes in a write transaction of its own, so a blob that is there now will be there. It takes
+        what nothing named for its whole grace period: an upload that waited so long is sent again.
+        """
+        if not self._intake.blobs.exists(sha256):
+            raise StoreBusy("The upload waited too long for the database and was cleared away; send it again.")
 
 
 def clean_filename(given: str | None) -> str | None:

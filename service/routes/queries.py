@@ -114,6 +114,7 @@ def _enqueue(
         opened = open_collection(conn, principal, collection)
 
         def work() -> Response:
+            upload.check_kept(sha256)
             task = tasks.enqueue(conn, "query", collection_id=opened.id, params=params, blob=sha256)
             location = {"Location": f"/v1/tasks/{task.id}"}
             return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)

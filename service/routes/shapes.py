@@ -86,6 +86,7 @@ def _store(
         opened = open_collection(conn, principal, collection)
 
         def work() -> Response:
+            upload.check_kept(sha256)
             shape, created = shapes.add(
                 conn, opened.id, sha256=sha256, bytes=upload.size, format=upload.format,
                 name=attributes.name or upload.filename or sha256[:12], filename=upload.filename,

@@ -315,6 +315,22 @@ def test_a_form_that_ends_early_is_refused(cut: float) -> None:
         form.finish()
 
 
+@pytest.mark.parametrize("route", ["shapes", "query"])
+def test_a_blob_that_was_swept_before_its_row_gets_no_row(
+    api: httpx.Client, alone: Served, shelf: str, leaves_nothing: None, monkeypatch: pytest.MonkeyPatch, route: str
+) -> None:
+    data = different(8)
+
+    def swept(name: str) -> None:
+        if name == "upload.blob_stored":
+            assert alone.blobs().delete(hashlib.sha256(data).hexdigest())
+
+    monkeypatch.setattr("store.faults.point", swept)
+    reply = api.post(f"{shelf}/{route}", content=data)
+    is_problem(reply, 503, "store_busy")
+    assert "retry-after" in reply.headers
+
+
 def test_a_crash_between_blob_and_row_can_be_tried_again(
     api: httpx.Client, alone: Served, shelf: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
