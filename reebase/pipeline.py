@@ -86,6 +86,7 @@ class Profile:
         object.__setattr__(self, "threshold", float(self.threshold))  # 0 and 0.0 have the same key
 
     def to_json(self) -> dict[str, Any]:
+        """The parameters by name, JSON-serialisable: ``Profile(**record)`` is the inverse."""
         return dataclasses.asdict(self)
 
     @property

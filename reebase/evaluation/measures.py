@@ -46,6 +46,7 @@ class PrecisionRecall:
     eleven_point: npt.NDArray[np.float64]
 
     def to_json(self) -> dict[str, list[float]]:
+        """JSON-serialisable; the numbers round-trip."""
         return {
             "recall": self.recall.tolist(),
             "precision": self.precision.tolist(),

@@ -37,6 +37,7 @@ class Measure:
     summary: str
 
     def to_json(self) -> dict[str, Any]:
+        """What a caller may know of it, JSON-serialisable: without the kernels' side."""
         return {
             "name": self.name, "summary": self.summary,
             "symmetric": self.symmetric, "reflexive": self.reflexive, "metric": self.metric,

@@ -27,7 +27,7 @@ def write(
 ) -> None:
     """Writes a mesh to a file; the format comes from the path's suffix unless it is given.
 
-    See ``to_bytes``. Raises ParameterError, OSError.
+    See ``to_bytes``, which raises the rest. Raises OSError.
     """
     target = Path(path)
     target.write_bytes(to_bytes(mesh, format or target.suffix.removeprefix("."), scalars=scalars))
