@@ -1,7 +1,7 @@
 """The application: ``create_app(settings)`` puts the layers and the routes together.
 
-A request passes, from the outside in: ``edge`` (id, log, metrics, last resort), lingering close, ``guards``
-(host, origin, encoding), ``auth`` (who asks), ``conditional`` (ETag), and then a route.
+A request passes, from the outside in: HEAD becomes GET, ``edge`` (id, log, metrics, last resort), lingering
+close, ``guards`` (host, origin, encoding), ``auth`` (who asks), ``conditional`` (ETag), and then a route.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from service import problems
 from service.auth import Authentication
 from service.conditional import ConditionalReads
 from service.context import Context
-from service.edge import Edge, Linger
+from service.edge import Edge, Heads, Linger
 from service.guards import Guards
 from service.metrics import Metrics
 from service.routes import about, collections, evaluations, operations, pages, queries, results, shapes, tasks
@@ -61,6 +61,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     app.add_middleware(Guards, hosts=settings.known_hosts)
     app.add_middleware(Linger)
     app.add_middleware(Edge, metrics=metrics)
+    app.add_middleware(Heads)
     _describe(app)
     return app
 

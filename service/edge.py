@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.metrics import Metrics
 from service.problems import internal_error
 
-__all__ = ["Edge", "Linger"]
+__all__ = ["Edge", "Heads", "Linger"]
 
 _REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
@@ -87,6 +87,18 @@ class Edge:
                 milliseconds=round(seconds * 1000, 1), request_id=request_id,
                 key=getattr(principal, "key_id", None),
             )  # fmt: skip
+
+
+class Heads:
+    """Answers HEAD as GET; the server leaves the body out (RFC 9110 §9.3.2)."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http" and scope["method"] == "HEAD":
+            scope = {**scope, "method": "GET"}
+        await self.app(scope, receive, send)
 
 
 class Linger:

@@ -163,6 +163,16 @@ def test_changing_a_shape(api: httpx.Client, shelf: str) -> None:
         is_problem(api.patch(path, json=body), 422, "validation_error")
 
 
+def test_head_is_get_without_the_body(api: httpx.Client, shelf: str) -> None:
+    shape = api.post(f"{shelf}/shapes", content=different(60)).headers["location"]
+    for path in (shelf, shape, f"{shape}/original", "/", "/readyz"):
+        whole, head = api.get(path), api.head(path)
+        assert (head.status_code, head.content) == (200, b"")
+        for name in ("content-length", "content-type", "etag"):
+            assert head.headers.get(name) == whole.headers.get(name), (path, name)
+    assert api.head(f"{shelf}/absent").status_code == 404
+
+
 def test_what_is_unchanged_is_not_even_read(tmp_path: Path) -> None:
     """A client that has a mesh, a field or a matrix gets 304 although the blob behind it is gone."""
     ball = to_bytes(icosphere(1), "ply", scalars={"phi2": np.arange(42.0)})
