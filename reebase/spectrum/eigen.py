@@ -96,7 +96,7 @@ def eigenpairs(operator: Operator, k: int = 3) -> Spectrum:
     """The k eigenpairs with the smallest eigenvalues, the constant one included, at unit area.
 
     Deterministic: the same operator gives the same bits. Eigenvalues have a relative error of at most 1e-8, phi_2 one
-    of at most 1e-5 in the norm of R, and others as far as their eigenvalues are apart; where k is above ``WIDTH`` or
+    of at most 1e-6 in the norm of R, and others as far as their eigenvalues are apart; where k is above ``WIDTH`` or
     the operator does not know its mesh, the errors are near rounding.
     Raises ParameterError unless 1 <= k <= m, ComputationError when the matrix cannot be factorised, the iteration does
     not converge, or a residual is above ``RESIDUAL``.
@@ -121,8 +121,8 @@ def _factorised(C: csr_matrix, mass: Array, count: int) -> tuple[Array, Array]:
     m = len(mass)
     solve = (_dense_solve if m <= DENSE else _sparse_solve)(C, SHIFT * mass)
     root = np.sqrt(mass)
-    # Beyond a third of the space Lanczos would build nearly all of it.
-    search = _dense_search if m <= DENSE or 3 * (count + 1) > m else _lanczos
+    # Lanczos builds three times what is wanted, and more on a symmetric shape: it must not run out of space.
+    search = _dense_search if m <= DENSE or 6 * (count + 1) > m else _lanczos
     mu, y = search(solve, root, count)
     order = np.argsort(-mu, kind="stable")
     mu, y = mu[order], y[:, order]

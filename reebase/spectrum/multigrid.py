@@ -40,15 +40,17 @@ SHRINK = 0.7
 SWEEPS = 1
 """Refinements of the start on each coarse level; more do not bring its error on the next level down."""
 
-STEPS = 30
-"""Refinements on the finest level after which the iteration gives up. It needs 4 to 8, on small meshes up to 15."""
+STEPS = 60
+"""Refinements on the finest level after which the iteration gives up. It needs 5 to 8, on shapes with many like limbs,
+whose eigenvalues crowd, up to 25."""
 
 EIGENVALUE = 2e-9
 """Relative error of the wanted eigenvalues at which the iteration ends, as foreseen from the last two steps."""
 
-EIGENVECTORS = np.array([3e-6, 3e-5, 3e-5])
-"""Error of phi_2 and of those after it in the norm of R at which the iteration ends, foreseen likewise. The last ones
-have neighbours outside the block and are the slowest; only their eigenvalues need all digits."""
+EIGENVECTORS = np.array([3e-8, 3e-5, 3e-5])
+"""Error of phi_2 and of those after it in the norm of R at which the iteration ends, foreseen likewise. That of phi_2
+keeps D between a shape and itself with its vertices in another order below 1e-6. The last ones have neighbours outside
+the block and are the slowest, and only their eigenvalues are read by default."""
 
 SEPARATION = 0.2
 """Least relative distance of eigenvalues that the foreseen error of an eigenvector is divided by. Where the guards are
