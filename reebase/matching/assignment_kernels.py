@@ -12,7 +12,7 @@ from typing import Any
 import numba
 import numpy as np
 
-__all__ = ["GREEDY", "LITERAL", "MATCHING", "MATCHING_MEAN", "lower_bounds", "one_to_many", "one_to_one"]
+__all__ = ["GREEDY", "LITERAL", "MATCHING", "MATCHING_MEAN", "assign", "lower_bounds", "one_to_many", "one_to_one"]
 
 MATCHING, MATCHING_MEAN, GREEDY, LITERAL = 0, 1, 2, 3
 
@@ -68,7 +68,7 @@ def _arrange(source: Any, start: int, end: int, target: Any, order: Any) -> None
 
 
 @numba.njit(cache=True, nogil=True)
-def _assign(cost: Any, n: int, m: int, reals: Any, integers: Any) -> None:
+def assign(cost: Any, n: int, m: int, reals: Any, integers: Any) -> None:
     """Minimum-weight assignment of n rows to m >= n columns by shortest augmenting paths, O(n^2 m).
 
     Crouse, "On implementing 2D rectangular assignment algorithms", IEEE TAES 52(4), 2016, without
@@ -161,7 +161,7 @@ def _optimal(rows: Any, n: int, columns: Any, m: int, cost: Any, reals: Any, int
         charge = _norm(columns, j) if n < m else 0.0
         for i in range(n):
             cost[i, j] = _distance(rows, i, columns, j) - charge
-    _assign(cost, n, m, reals, integers)
+    assign(cost, n, m, reals, integers)
     total = 0.0
     for j in range(m):
         i = integers[1, j]

@@ -1,0 +1,94 @@
+"""D for endpoints that carry their own charge: what one costs when it stays alone is part of its omega.
+
+Rows of omega are (features ..., charge), with Phi the Euclidean distance of whole rows, charge included. So
+|c - c~| <= Phi: two charges never differ by more than the endpoints do, which is what makes D a metric.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.errors import ParameterError
+from reebase.matching.explanation import Match, Pair, Unmatched
+
+__all__ = ["as_charged", "charged_matrix", "match_charged"]
+
+Array = npt.NDArray[np.float64]
+
+
+def as_charged(value: npt.ArrayLike, name: str = "endpoints") -> Array:
+    """``value`` as endpoints with charges, C-contiguous float64, (k, w), w >= 2; the last column is the charge.
+
+    Raises ParameterError for another shape, numbers that are not finite, and charges that are not positive.
+    """
+    rows = np.ascontiguousarray(value, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] < 2:
+        raise ParameterError(f"{name} must have shape (k, w) with w >= 2; found {rows.shape}.", parameter=name)
+    if not np.isfinite(rows).all() or not (rows[:, -1] > 0.0).all():
+        raise ParameterError(f"{name} must be finite, with positive charges in the last column.", parameter=name)
+    return rows
+
+
+def charged_matrix(shapes: Sequence[npt.ArrayLike], progress: Callable[[float], None] | None = None) -> Array:
+    """D of all pairs of sets of endpoints, float64, (n, n), symmetric to the bit, zero diagonal.
+
+    D = min over partial one-to-one pairings of the sum of Phi over the pairs and of the charges of all that stay
+    alone, on either side: a pair whose Phi is above both charges together is never made. A metric on finite multisets:
+    add to each set as many copies of one point "nothing", at distance c from an endpoint of charge c and 0 from
+    itself, as the other has endpoints. min(Phi, c + c~) with these is a metric, since |c - c~| <= Phi, and D is the
+    least cost of a bijection under it.
+    progress: called with the fraction of the work that is done, after each row. Raises ParameterError.
+    """
+    from reebase.matching.charged_kernels import one_to_many
+
+    rows = [_ordered(as_charged(shape, f"shapes[{i}]"))[0] for i, shape in enumerate(shapes)]
+    if len({one.shape[1] for one in rows}) > 1:
+        raise ParameterError("The endpoints of all shapes must have the same number of features.", parameter="shapes")
+    count = len(rows)
+    out = np.zeros((count, count))
+    if count == 0:
+        return out
+    offsets = np.cumsum([0, *map(len, rows)], dtype=np.int64)
+    stacked = np.ascontiguousarray(np.vstack(rows))
+    for i, query in enumerate(rows):
+        found = np.empty(count - i)
+        one_to_many(query, stacked, offsets[i:], found)
+        out[i, i:] = out[i:, i] = found
+        if progress is not None:
+            progress(1.0 - (count - i - 1) * (count - i) / (count * (count + 1)))
+    return out
+
+
+def match_charged(first: npt.ArrayLike, second: npt.ArrayLike) -> Match:
+    """D of two sets of endpoints with its parts: pairs and their Phi, and who stayed alone at what charge.
+
+    The dissimilarity has the bits of ``charged_matrix``. Indices are rows of the arguments. Raises ParameterError.
+    """
+    from reebase.matching.charged_kernels import one_to_one
+
+    a, b = as_charged(first, "first"), as_charged(second, "second")
+    if a.shape[1] != b.shape[1]:
+        raise ParameterError(f"first has {a.shape[1]} columns and second {b.shape[1]}.", parameter="second")
+    (rows, a_order), (columns, b_order) = _ordered(a), _ordered(b)
+    partner = np.empty(len(a), dtype=np.int64)
+    total = float(one_to_one(rows, columns, partner))
+    pairs = sorted((int(a_order[i]), int(b_order[j])) for i, j in enumerate(partner) if j >= 0)
+    return Match(
+        total, "matching",
+        tuple(Pair(i, j, float(np.linalg.norm(a[i] - b[j]))) for i, j in pairs),
+        _alone(a, {i for i, _ in pairs}),
+        _alone(b, {j for _, j in pairs}),
+    )  # fmt: skip
+
+
+def _ordered(rows: Array) -> tuple[Array, npt.NDArray[np.int64]]:
+    """By decreasing charge, then the other columns: the same rows for every order of the endpoints."""
+    order = np.lexsort((*rows[:, -2::-1].T, -rows[:, -1]))
+    return np.ascontiguousarray(rows[order]), order
+
+
+def _alone(rows: Array, matched: set[int]) -> tuple[Unmatched, ...]:
+    return tuple(Unmatched(i, float(row[-1])) for i, row in enumerate(rows) if i not in matched)
