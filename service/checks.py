@@ -19,6 +19,9 @@ __all__ = ["MAX_PAGE", "check_attributes", "check_evaluation", "check_query"]
 
 MAX_PAGE = 500
 
+STORED_DESCRIPTORS = ("srg",)
+"""Descriptors that are kept of every shape; an evaluation has no others to compare."""
+
 Place = tuple[int | str, ...]
 
 
@@ -81,12 +84,11 @@ def check_query(
 
 def check_evaluation(value: NewEvaluation) -> None:
     """Raises UnknownName for an unknown measure, descriptor or class of the synthetic set."""
-    from reebase.descriptors import DESCRIPTORS
     from reebase.evaluation.synthetic import CLASSES
     from reebase.matching import MEASURES
 
     _check_name("measure", value.measure, MEASURES)
-    _check_name("descriptor", value.descriptor, DESCRIPTORS)
+    _check_name("descriptor", value.descriptor, STORED_DESCRIPTORS)
     if value.synthetic is not None:
         for name in value.synthetic.classes or ():
             _check_name("class", name, CLASSES)

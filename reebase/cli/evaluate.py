@@ -24,19 +24,20 @@ from reebase.cli.output import (
     write_bytes,
     write_json,
 )
-from reebase.descriptors import descriptor_named
+from reebase.descriptors import DESCRIPTORS, descriptor_named
 from reebase.errors import ParameterError
-from reebase.evaluation import SCORES, Evaluation, dissimilarity_matrix
+from reebase.evaluation import SCORES, Evaluation
 from reebase.evaluation import evaluate as evaluate_matrix
-from reebase.matching import measure_named
 from reebase.pipeline import Profile
 
 
 def evaluate(
     folder: Annotated[Path, typer.Argument(help="A folder of mesh files; hidden ones are passed over.", metavar="DIR")],
     labels: options.Labels = None,
-    descriptor: Annotated[str, typer.Option(help="What is compared.")] = "srg",
-    measure: options.Measure = "matching",
+    descriptor: Annotated[str, typer.Option(help=f"What is compared: {', '.join(DESCRIPTORS)}.")] = "srg",
+    measure: Annotated[
+        str | None, typer.Option(help="How: for srg matching (the default), matching_mean, greedy or literal.")
+    ] = None,
     json_out: options.JsonOut = None,
     matrix: Annotated[bool, typer.Option("--matrix", help="Put the dissimilarity matrix into the JSON.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw the precision-recall curve here (.svg or .png).")] = None,
@@ -47,6 +48,7 @@ def evaluate(
     saliency: options.Saliency = options.DEFAULT.saliency,
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
+    operator: options.Operator = options.DEFAULT.operator,
     bootstrap: Annotated[int, typer.Option(help="Resamples for the intervals; 0 for none.", min=0)] = 1000,
     jobs: Annotated[int, typer.Option(help="Processes; 0 for one a core.", min=0)] = 0,
 ) -> None:
@@ -55,8 +57,9 @@ def evaluate(
     Exit code 0: all labelled meshes took part. 1: some were left out, and a table says why; the report is of the
     others. 2: it could not run.
     """
-    named, chosen = descriptor_named(descriptor), measure_named(measure)
-    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area)
+    named = descriptor_named(descriptor)
+    chosen = named.measure_named(measure)
+    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area, operator)
     check_target(json_out)
     kind = check_picture(plot, "svg")
     files = mesh_files(folder)
@@ -79,8 +82,8 @@ def evaluate(
         if not features:
             raise ParameterError(f"None of the {len(labelled)} meshes could be described; {_first(outcomes)}")
         step = begin("comparing", 100)
-        distances = dissimilarity_matrix(
-            list(features.values()), chosen.name, progress=lambda fraction: step.update(int(100 * fraction))
+        distances = named.distances(
+            list(features.values()), chosen, progress=lambda fraction: step.update(int(100 * fraction))
         )
     report = evaluate_matrix(
         distances, [found.of[path] for path in features], [names[path] for path in features], bootstrap=bootstrap
@@ -89,7 +92,7 @@ def evaluate(
     failed |= {shown(name): Refusal("file_not_found", ABSENT) for name in found.absent}
     if json_out is not None:
         record = {
-            "descriptor": named.name, "measure": chosen.name, "profile": profile.to_json(),
+            "descriptor": named.name, "measure": chosen, "profile": profile.to_json(),
             "shapes": len(features), "without_label": len(files) - len(labelled),
             "failed": {name: {"code": one.code, "detail": one.detail} for name, one in sorted(failed.items())},
             **report.to_json(matrix=matrix),
@@ -99,7 +102,7 @@ def evaluate(
         from reebase.pictures import precision_recall_plot
 
         curve = report.precision_recall
-        curves = {f"{named.name}, {chosen.name}": (curve.recall, curve.precision)}
+        curves = {f"{named.name}, {chosen}": (curve.recall, curve.precision)}
         write_bytes(plot, precision_recall_plot(curves, format=kind))
     if len(labelled) < len(files):
         notices().print(f"{len(files) - len(labelled)} files have no label and took no part.")

@@ -1,8 +1,11 @@
-"""Descriptors by name: what is kept of a shape, and how two of them are compared.
+"""Descriptors by name: what is kept of a shape, and how a set of them is compared.
 
-``descriptor_named("srg")`` is the endpoint features of the spectral Reeb graph, compared by a measure of D.
+``descriptor_named("srg")`` is the endpoint features of the spectral Reeb graph, compared by a measure of D;
+``extended`` the same matching on endpoints that see the surface; the others are single vectors from the literature.
+One ``Surface`` for several descriptors computes what they share once.
 """
 
 from reebase.descriptors.registry import DESCRIPTORS, Descriptor, descriptor_named
+from reebase.descriptors.surface import Surface, surface_of
 
-__all__ = ["DESCRIPTORS", "Descriptor", "descriptor_named"]
+__all__ = ["DESCRIPTORS", "Descriptor", "Surface", "descriptor_named", "surface_of"]

@@ -11,22 +11,13 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from reebase.matching import dissimilarity, endpoint_features
-from reebase.pipeline import Description
-from reebase.skeleton.graph import Skeleton
+from reebase.descriptors.surface import Surface
 
-__all__ = ["compare", "describe"]
+__all__ = ["describe"]
 
 
-def describe(shape: Description | Skeleton) -> npt.NDArray[np.float64]:
-    """omega of each endpoint, float64, (k, 3): the description's own, or the skeleton's (``area="band"``)."""
-    if isinstance(shape, Description):
-        return shape.features
-    return endpoint_features(shape)
-
-
-def compare(
-    first: npt.NDArray[np.float64], second: npt.NDArray[np.float64], measure: str = "matching"
-) -> float:
-    """D of two sets of endpoint features. Raises UnknownName for another measure."""
-    return dissimilarity(first, second, measure)
+def describe(surface: Surface) -> npt.NDArray[np.float64]:
+    """omega = (a, dv, dc) of each endpoint, float64, (k, 3): the description's own, or those of the skeleton with
+    the pipeline's default parameters.
+    """
+    return surface.features

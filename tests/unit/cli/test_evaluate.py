@@ -155,3 +155,21 @@ def test_a_mesh_that_kills_its_process_fails_alone(folder: Path, monkeypatch: py
     refusal = found[folder / "capsules" / "1.off"]
     assert isinstance(refusal, Refusal)
     assert refusal.code == "worker_died"
+
+
+@pytest.mark.parametrize(
+    ("descriptor", "measure"),
+    [("extended", "matching"), ("shape_dna", "l2"), ("hks", "l1"), ("wks", "l1"), ("gps", "l1"), ("d2", "l1")],
+)
+def test_each_descriptor_is_known(command: Command, folder: Path, descriptor: str, measure: str) -> None:
+    report = report_of(command, folder, "--jobs", 1, "--descriptor", descriptor, "--matrix")
+    assert (report["descriptor"], report["measure"], report["overall"]["nn"]) == (descriptor, measure, 1.0)
+    D = report["matrix"]["values"]
+    assert all(D[i][i] == 0.0 and D[i][j] == D[j][i] for i in range(6) for j in range(i))
+
+
+def test_a_measure_of_another_descriptor_is_refused(command: Command, folder: Path) -> None:
+    ran = command("evaluate", folder, "--descriptor", "hks", "--measure", "greedy")
+    assert ran.code == 2
+    assert "measure of hks" in ran.err
+    assert "l1" in ran.err

@@ -1,0 +1,101 @@
+"""Persistent maxima against a slow twin, and the endpoints of ``extended`` on shapes with known limbs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reebase.descriptors import Surface, descriptor_named
+from reebase.descriptors.extended import LEAST, endpoints
+from reebase.descriptors.maxima import persistent_maxima
+from reebase.mesh import Mesh
+from tests.oracles.persistence import maxima_by_flooding
+from tests.shapes import capsule, grid, icosphere, moved, permuted, torus, voxels
+
+
+def star(arms: int, length: int = 6) -> Mesh:
+    """``arms`` bars of square section out of one cube: as many limbs as there are arms, 2 to 6, of one length."""
+    size = 2 * length + 1
+    solid = np.zeros((size, size, size), dtype=bool)
+    solid[length, length, length] = True
+    for arm in range(arms):
+        place = [length, length, length]
+        axis, forward = arm // 2, arm % 2 == 0
+        for step in range(1, length + 1):
+            place[axis] = length + step if forward else length - step
+            solid[tuple(place)] = True
+    # Split in eight, so that a bar is two voxels wide.
+    return voxels(solid.repeat(2, 0).repeat(2, 1).repeat(2, 2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_maxima_equal_those_found_by_flooding(seed):
+    mesh = [torus(1, 0.4, 12, 8), grid(7, 6), icosphere(1), capsule(2, nu=8, along=6, nv=3)][seed % 4]
+    random = np.random.default_rng(seed)
+    # Few distinct values: plateaus and ties are the rule.
+    values = random.integers(0, 6, len(mesh.vertices)) / 2 if seed % 2 else random.normal(size=len(mesh.vertices))
+    found = persistent_maxima(mesh, values)
+    of_vertex = dict(zip(found.vertices.tolist(), found.persistence.tolist(), strict=True))
+    assert of_vertex == maxima_by_flooding(mesh, values)
+    assert (np.diff(found.persistence) <= 0).all()
+
+
+def test_persistence_of_hills_on_a_line():
+    mesh = grid(8, 1)
+    x = mesh.vertices[:, 0] * 8
+    values = np.interp(x, [0, 2, 3, 5, 6, 8], [0, 3, 1, 5, 4.5, 4.9]) - 0.001 * mesh.vertices[:, 1]
+    found = persistent_maxima(mesh, values)
+    np.testing.assert_allclose(found.persistence, [5.001, 2.0, 0.4], atol=2e-3)
+    np.testing.assert_allclose(x[found.vertices], [5, 2, 8])
+    assert len(persistent_maxima(mesh, values, 1.0).vertices) == 2
+    assert len(persistent_maxima(mesh, values, 99.0).vertices) == 1
+
+
+def test_a_constant_has_one_maximum():
+    # As any maximum that does not persist: the highest is always there.
+    found = persistent_maxima(icosphere(1), np.ones(42), 1e-9)
+    assert (found.vertices.tolist(), found.persistence.tolist()) == ([0], [0.0])
+
+
+@pytest.mark.parametrize("arms", [2, 3, 4, 5, 6])
+def test_every_limb_ends_in_one_endpoint(arms):
+    mesh = star(arms)
+    found = endpoints(Surface(mesh))
+    centre = (mesh.vertices.max(axis=0) + mesh.vertices.min(axis=0)) / 2 if arms == 6 else np.full(3, 13.0)
+    tips = mesh.vertices[found.vertices] - centre
+    assert len(tips) == arms
+    # One endpoint in the direction of each arm, near its end.
+    directions = {(int(np.argmax(np.abs(tip))), bool(tip[np.argmax(np.abs(tip))] > 0)) for tip in tips}
+    assert directions == {(arm // 2, arm % 2 == 0) for arm in range(arms)}
+    assert (np.abs(tips).max(axis=1) > 11).all()
+    assert (found.persistence > 5 * LEAST).all()
+
+
+def test_a_limb_more_costs_about_its_charge():
+    extended = descriptor_named("extended")
+    kept = {arms: extended.describe(star(arms)) for arms in (4, 5, 6)}
+    assert [kept[arms].shape for arms in (4, 5, 6)] == [(4, 33), (5, 33), (6, 33)]
+    D = extended.distances(list(kept.values()))
+    assert D[0, 1] > kept[5][:, -1].min()
+    assert D[0, 2] > max(D[0, 1], D[1, 2])
+
+
+def test_its_columns_are_what_they_are_said_to_be():
+    surface = Surface(star(3))
+    kept = descriptor_named("extended").describe(surface)
+    values, vectors = surface.spectrum.eigenvalues, surface.spectrum.eigenvectors
+    times = np.geomspace(0.002, 0.3, 16)
+    trace = np.array([surface.weights @ np.log((vectors**2 * np.exp(-values * t)).sum(axis=1)) for t in times])
+    np.testing.assert_allclose(kept[:, 16:32], np.tile(trace / 8, (3, 1)), rtol=1e-9)
+    top = endpoints(surface).vertices[0]
+    at_top = [np.log((vectors[top] ** 2 * np.exp(-values * t)).sum()) for t in times]
+    np.testing.assert_allclose(kept[0, :16], (at_top - trace) / 4, rtol=1e-9)
+    assert ((kept[:, 32] >= 0.25) & (kept[:, 32] <= 1.5)).all()
+
+
+def test_endpoints_follow_the_shape():
+    mesh = star(4)
+    turned, order = permuted(moved(mesh, (1, 2, 3), scale=0.01, seed=3), seed=5)
+    first, second = endpoints(Surface(mesh)), endpoints(Surface(turned))
+    np.testing.assert_allclose(first.persistence, second.persistence, atol=1e-8)
+    assert len(set(order[second.vertices]) - set(range(len(mesh.vertices)))) == 0
