@@ -28,8 +28,8 @@ class Archive:
         try:
             self._zip = zipfile.ZipFile(io.BytesIO(data))
             entries = self._zip.infolist()
-        except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError, EOFError) as error:
-            raise TruncatedFile(f"The archive has no readable directory at its end ({error}).") from None
+        except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError, EOFError):
+            raise TruncatedFile("The archive has no readable directory at its end.") from None
         if len(entries) > MOST_ENTRIES:
             raise FormatError(f"The archive has {len(entries):,} entries; the limit is {MOST_ENTRIES:,}.")
         limits.check_expanded(sum(entry.file_size for entry in entries))
@@ -58,8 +58,8 @@ class Archive:
                     self._inflated += len(part)
                     self._limits.check_expanded(self._inflated)
                     parts.append(part)
-        except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, NotImplementedError) as error:
-            raise FormatError(f"The archive's file {name[:80]!r} is damaged ({str(error)[:80]}).") from None
+        except (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, NotImplementedError):
+            raise FormatError(f"The archive's file {name[:80]!r} is damaged.") from None
         except RuntimeError:
             raise UnsupportedFeature("The archive is encrypted.") from None
         return b"".join(parts)

@@ -17,7 +17,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.gltf_accessors import Accessors, field, table
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build, strips
-from reebase.mesh.read.text import plain_text
+from reebase.mesh.read.text import json_fault, plain_text
 
 __all__ = ["MAGIC", "read_gltf"]
 
@@ -36,7 +36,7 @@ def read_gltf(data: bytes, limits: Limits) -> Mesh:
     Positions are in scene coordinates. Primitives of one mesh that share positions share vertices.
     Raises FormatError, MeshError, LimitError.
     """
-    text, binary = _container(data) if data.startswith(MAGIC) else (plain_text(data), None)
+    text, binary = _container(data) if data.startswith(MAGIC) else (_bare(data), None)
     document = _document(text)
     accessors = Accessors(document, binary, limits)
     meshes = table(document, "meshes")
@@ -65,13 +65,23 @@ def read_gltf(data: bytes, limits: Limits) -> Mesh:
     return build(np.concatenate(vertices), np.concatenate(faces).ravel(), np.full(face_count, 3), limits)
 
 
+def _bare(data: bytes) -> bytes:
+    """The JSON of a glTF file."""
+    text = plain_text(data)
+    if not text.lstrip().startswith((b"{", b"[")):
+        raise FormatError(
+            "This is not a GLB file: it does not begin with the four bytes glTF. Nor is it JSON, as other glTF is."
+        )
+    return text
+
+
 def _container(data: bytes) -> tuple[bytes, bytes | None]:
     """(JSON, binary chunk) of a GLB file."""
     if len(data) < 20:
         raise TruncatedFile(f"A GLB file has a header of 20 bytes; the file has {len(data)}.")
     _, version, length, first, kind = np.frombuffer(data, "<u4", 5).tolist()
     if version != 2:
-        raise UnsupportedFeature(f"This is GLB version {version}; Reebase reads version 2 (glTF 2.0).")
+        raise UnsupportedFeature(f"This is GLB version {version}, of glTF {version}.0; Reebase reads glTF 2.0.")
     if length > len(data):
         raise TruncatedFile(
             f"The GLB header announces {length:,} bytes, but the file has {len(data):,}.",
@@ -98,20 +108,20 @@ def _document(text: bytes) -> dict[str, Any]:
     except RecursionError:
         raise FormatError("glTF: the JSON is nested too deeply.") from None
     except ValueError as error:
-        if "Unterminated" in str(error) or not text.rstrip().endswith(b"}"):
-            raise TruncatedFile(f"glTF: the JSON ends early ({error}).") from None
-        raise FormatError(f"glTF: the JSON is not well formed ({error}).") from None
+        fault = json_fault(error)
+        if "Unterminated" in fault or not text.rstrip().endswith(b"}"):
+            raise TruncatedFile(f"glTF: the JSON ends early ({fault}).") from None
+        raise FormatError(f"glTF: the JSON is not well formed ({fault}).") from None
     if not isinstance(document, dict):
         raise FormatError("glTF: the JSON is not an object.")
     asset = document.get("asset")
     version = asset.get("version") if isinstance(asset, dict) else None
     if version is None:
         raise FormatError("glTF: asset.version is missing; this may be JSON, but not glTF.")
-    if str(version).split(".")[0] != "2":
-        raise UnsupportedFeature(
-            f"This is glTF {str(version)[:8]}; Reebase reads 2.0. Export it as GLB (glTF 2.0).",
-            version=str(version)[:8],
-        )
+    version = str(version)[:8]
+    if version.split(".")[0] != "2":
+        full = f"{version}.0" if version.isdecimal() else version
+        raise UnsupportedFeature(f"This is glTF {full}; Reebase reads glTF 2.0.", version=version)
     return document
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Iterable, Iterator
@@ -15,6 +16,7 @@ __all__ = [
     "PIECE",
     "floats",
     "integers",
+    "json_fault",
     "lenient_float",
     "numbers",
     "pieces",
@@ -42,9 +44,18 @@ def plain_text(data: bytes) -> bytes:
                 return data[len(mark) :]
             try:
                 return data.decode(encoding).encode("utf-8", "replace")
-            except UnicodeDecodeError as error:
-                raise FormatError(f"The file starts as UTF-16 text but is not: {error.reason}.") from None
+            except UnicodeDecodeError:
+                raise FormatError("The file starts as UTF-16 text, but is not.") from None
     return data
+
+
+def json_fault(error: ValueError) -> str:
+    """What is wrong with a JSON text that ``json.loads`` refused, and where, in words."""
+    if isinstance(error, json.JSONDecodeError):
+        return f"{error.msg} at line {error.lineno}, column {error.colno}"
+    if isinstance(error, UnicodeDecodeError):
+        return f"byte {error.start} is not UTF-8"
+    return "a number in it has too many digits"
 
 
 def without_comments(data: bytes) -> bytes:

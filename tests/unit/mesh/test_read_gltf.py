@@ -291,14 +291,16 @@ def test_refusals(record: dict[str, Any], error: type[Exception], message: str) 
     [
         (b"glTF", TruncatedFile, "header of 20 bytes"),
         (glb(document())[:100], TruncatedFile, "announces"),
-        (b"glTF" + (1).to_bytes(4, "little") + bytes(20), UnsupportedFeature, "GLB version 1"),
+        (b"glTF" + (1).to_bytes(4, "little") + bytes(20), UnsupportedFeature, "glTF 1.0; Reebase reads glTF 2.0"),
         (glb(document()).replace(b"JSON", b"BIN\0"), FormatError, "first chunk"),
         (glb(document(), b""), TruncatedFile, "no binary chunk"),
+        (b"\x12\xd3\xff" * 100, FormatError, "not a GLB file: it does not begin with the four bytes glTF"),
+        (b'{"asset": {"version": "2.0"}, "x": "\xca"}', FormatError, "byte 36 is not UTF-8"),
         (b"{", TruncatedFile, "ends early"),
         (b"[]", FormatError, "not an object"),
         (b'{"asset" 1}', FormatError, "not well formed"),
         (b'{"asset": ' + b"[" * 100_000 + b"]" * 100_000 + b"}", FormatError, "too deeply"),
-        (b'{"nodes": [' + b"9" * 5000 + b"]}", FormatError, "not well formed"),
+        (b'{"nodes": [' + b"9" * 5000 + b"]}", FormatError, "too many digits"),
     ],
     ids=lambda value: None if isinstance(value, bytes) else str(getattr(value, "code", "")),
 )
