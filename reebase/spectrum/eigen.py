@@ -190,7 +190,7 @@ def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
     basis, H = np.empty((m, limit), order="F"), np.zeros((limit, limit))
     block = np.random.default_rng(0).standard_normal((m, width))
     block = np.linalg.qr(block - np.outer(root, root @ block))[0]
-    size, residual = 0, np.inf
+    size, due, residual = 0, count, np.inf
     while size + width <= limit:
         new = slice(size, size + width)
         basis[:, new] = block
@@ -202,8 +202,10 @@ def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
         H[new, :size] = H[:size, new].T
         block, R = np.linalg.qr(image - V @ H[:size, new])
         block, again = np.linalg.qr(block - V @ (V.T @ block))
-        if size < count:
+        if size < due and size + width <= limit:
             continue
+        # The test costs size^3, the step that it might save only m size: not after each when there are many.
+        due = size + max(width, size // 6)
         mu, s = eigh(H[:size, :size], subset_by_index=[size - count, size - 1])
         residual = float((np.linalg.norm(again @ R @ s[-width:], axis=0) / mu).max())
         if residual <= CONVERGED:
