@@ -6,7 +6,7 @@ SET is a folder with labels.csv, or `synthetic`; by default articulated-a and ri
 $REEBASE_DATA or ../shared/data, where present, and the synthetic set. Prints NN, first and second tier, DCG and MAP
 (leave-one-out, mean over queries) with the default measure; the 95 % bootstrap interval of MAP over queries; the
 lowest and highest MAP over folds of the classes, each fold evaluated without the others, so an easier task; the median
-wall time a mesh of cleaning and denoising, of the eigenpairs that all share, and of each descriptor beyond these;
+wall time a mesh of the pipeline, of the eigenpairs that most share, and of each descriptor beyond these;
 and the median bytes a shape as float32.
 """
 
@@ -55,7 +55,7 @@ def kept(source: Path | Mesh, names: list[str], profile: Profile) -> Kept | str:
         description = timed("pipeline", lambda: describe(source, profile))
         surface: Surface = timed("surface", lambda: surface_of(description))
         if names != ["srg"]:
-            timed("eigenpairs", lambda: surface.spectrum)
+            timed("eigenpairs", surface.spectrum)
         arrays = {name: timed(name, partial(descriptor_named(name).describe, surface)) for name in names}
         return Kept(arrays, seconds)
     except ReebaseError as refusal:

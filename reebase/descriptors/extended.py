@@ -39,7 +39,7 @@ def endpoints(surface: Surface) -> Maxima:
 
     Ratios of heat, not differences, tell a limb: in nats persistence does not depend on how strong the hottest is.
     """
-    field = np.log(heat_kernel_signature(surface.spectrum, TIME)[:, 0])
+    field = np.log(heat_kernel_signature(surface.spectrum(), TIME)[:, 0])
     return persistent_maxima(surface.body, field, LEAST)
 
 

@@ -39,8 +39,8 @@ def describe(surface: Surface) -> npt.NDArray[np.float64]:
     steps = (np.arange(POINTS) + 0.5) / POINTS * cumulated[-1]
     chosen = np.minimum(np.searchsorted(cumulated, steps), len(cumulated) - 1)
     read = slice(1, DIMENSIONS + 1)
-    scale = np.sqrt(np.maximum(surface.spectrum.eigenvalues[read], SMALLEST))
-    points = surface.spectrum.eigenvectors[chosen, read] / scale
+    scale = np.sqrt(np.maximum(surface.spectrum().eigenvalues[read], SMALLEST))
+    points = surface.spectrum().eigenvectors[chosen, read] / scale
     from scipy.spatial.distance import pdist
 
     return np.quantile(pdist(points), LEVELS)

@@ -24,7 +24,7 @@ TIMES = np.geomspace(0.002, 0.3, 16)
 
 def log_heat(surface: Surface) -> npt.NDArray[np.float64]:
     """Logarithm of the heat kernel signature at ``TIMES`` and unit area, >= 0, float64, (m, 16)."""
-    return np.log(heat_kernel_signature(surface.spectrum, TIMES))
+    return np.log(heat_kernel_signature(surface.spectrum(), TIMES))
 
 
 def describe(surface: Surface) -> npt.NDArray[np.float64]:

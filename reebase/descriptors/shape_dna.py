@@ -28,6 +28,6 @@ def describe(surface: Surface) -> npt.NDArray[np.float64]:
     The logarithm keeps the high ones, which grow as 4 pi i (Weyl's law) and vary most, from drowning the low ones. A
     mesh of fewer than 21 vertices lacks some; Weyl's law, from its last one on, stands in for them.
     """
-    eigenvalues = np.maximum(surface.spectrum.eigenvalues[1 : COUNT + 1], SMALLEST)
+    eigenvalues = np.maximum(surface.spectrum().eigenvalues[1 : COUNT + 1], SMALLEST)
     order = np.arange(len(eigenvalues) + 1, COUNT + 1)
     return np.concatenate([np.log(eigenvalues), np.log(eigenvalues[-1] * order / len(eigenvalues))])

@@ -15,8 +15,9 @@ from reebase.spectrum import Operator, Spectrum, eigenpairs, operator
 
 __all__ = ["EIGENPAIRS", "Surface", "surface_of"]
 
-EIGENPAIRS = 100
-"""How many eigenpairs the signatures read: exp(-lambda t) of what is left out is below 0.1 at the smallest time."""
+EIGENPAIRS = 36
+"""How many eigenpairs most descriptors read: whole multiplets on a round shape, where they come by 1, 3, 5, ... 11.
+With 100 `hks` and `extended` rank no better on any set measured, at four times the cost: heat sees low frequencies."""
 
 
 class Surface:
@@ -29,6 +30,7 @@ class Surface:
     def __init__(self, mesh: Mesh, features: npt.NDArray[np.float64] | None = None) -> None:
         self.body = largest_component(mesh)[0]
         self._features = features
+        self._spectra: dict[int, Spectrum] = {}
 
     @cached_property
     def operator(self) -> Operator:
@@ -46,13 +48,16 @@ class Surface:
             self._features = endpoint_features(skeleton(self.body))
         return self._features
 
-    @cached_property
-    def spectrum(self) -> Spectrum:
-        """The first 100 eigenpairs at unit area, or as many as there are vertices. Raises ComputationError.
+    def spectrum(self, k: int = EIGENPAIRS) -> Spectrum:
+        """The first k eigenpairs at unit area, or as many as there are vertices. Raises ComputationError.
 
-        As many for those who read fewer: what is kept must not depend on who else asked, not even in the last bit.
+        Computed for each k afresh and not cut from more: what is kept of a shape must not depend on what else was
+        asked for, not even in the last bit.
         """
-        return eigenpairs(self.operator, min(EIGENPAIRS, len(self.body.vertices)))
+        k = min(k, len(self.body.vertices))
+        if k not in self._spectra:
+            self._spectra[k] = eigenpairs(self.operator, k)
+        return self._spectra[k]
 
 
 def surface_of(shape: Surface | Description | Mesh) -> Surface:

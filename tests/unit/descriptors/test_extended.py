@@ -83,7 +83,7 @@ def test_a_limb_more_costs_about_its_charge():
 def test_its_columns_are_what_they_are_said_to_be():
     surface = Surface(star(3))
     kept = descriptor_named("extended").describe(surface)
-    values, vectors = surface.spectrum.eigenvalues, surface.spectrum.eigenvectors
+    values, vectors = surface.spectrum().eigenvalues, surface.spectrum().eigenvectors
     times = np.geomspace(0.002, 0.3, 16)
     trace = np.array([surface.weights @ np.log((vectors**2 * np.exp(-values * t)).sum(axis=1)) for t in times])
     np.testing.assert_allclose(kept[:, 16:32], np.tile(trace / 8, (3, 1)), rtol=1e-9)
