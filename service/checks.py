@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 from reebase.errors import unknown_name
 from service.errors import InvalidRequest
 from service.problems import pointer
-from service.schemas.evaluations import NewEvaluation
 from service.schemas.queries import QueryParameters
 from service.schemas.shapes import Attributes, ShapePatch
 from service.settings import ServiceSettings
-from store.collections import profile_of
 
-__all__ = ["MAX_PAGE", "check_attributes", "check_evaluation", "check_query"]
+__all__ = ["MAX_PAGE", "check_attributes", "check_query"]
 
 MAX_PAGE = 500
-
-STORED_DESCRIPTORS = ("srg",)
-"""Descriptors that are kept of every shape; an evaluation has no others to compare."""
 
 Place = tuple[int | str, ...]
 
@@ -78,24 +72,9 @@ def check_query(
     if not 1 <= value.k <= settings.max_k:
         found.add("k", f"is {value.k}; it must be between 1 and {settings.max_k}", "out_of_range")
     found.longest("label", value.label, settings.max_label_length)
+    if value.measure not in MEASURES:
+        refusal = unknown_name("measure", value.measure[:80], MEASURES)
+        if not found.errors:
+            raise refusal
+        found.add("measure", refusal.message, refusal.code)
     found.refuse()
-    _check_name("measure", value.measure, MEASURES)
-
-
-def check_evaluation(value: NewEvaluation) -> None:
-    """Raises UnknownName for an unknown measure, descriptor or class of the synthetic set."""
-    from reebase.evaluation.synthetic import CLASSES
-    from reebase.matching import MEASURES
-
-    _check_name("measure", value.measure, MEASURES)
-    _check_name("descriptor", value.descriptor, STORED_DESCRIPTORS)
-    if value.synthetic is not None:
-        for name in value.synthetic.classes or ():
-            _check_name("class", name, CLASSES)
-    if value.profile is not None:
-        profile_of(value.profile.model_dump())
-
-
-def _check_name(kind: str, name: str, known: Iterable[str] | Sequence[str]) -> None:
-    if name not in known:
-        raise unknown_name(kind, name[:80], known)

@@ -17,6 +17,8 @@ M = TypeVar("M", bound=BaseModel)
 
 Fields = Mapping[str, Sequence[str]]
 
+_NULLABLE = frozenset({"tolerance", "max_dissimilarity"})
+
 
 def model_of_json(model: type[M], value: Any) -> M:
     """The model of a JSON body. Raises InvalidRequest."""
@@ -24,11 +26,13 @@ def model_of_json(model: type[M], value: Any) -> M:
         return model.model_validate(value)
     except ValidationError as error:
         found = [{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)]
-        raise InvalidRequest(field_errors(found)) from None
+        raise InvalidRequest(field_errors(found, model)) from None
 
 
 def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = frozenset()) -> M:
-    """The model of text fields: ``tags`` may repeat and hold commas, ``metadata`` is JSON, "null" is null.
+    """The model of text fields: ``tags`` may repeat and hold commas, ``metadata`` is JSON.
+
+    "null" is null where a number may be null, and a word elsewhere.
 
     leave: names that belong to somebody else. Raises InvalidRequest.
     """
@@ -42,16 +46,12 @@ def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = f
             raise _wrong(name, "was given more than once", "repeated")
         elif name == "metadata":
             values[name] = _metadata(texts[0])
-        elif texts[0] in {"", "null"}:
-            # An empty field of a form says nothing; null says none.
-            if texts[0] == "null":
-                values[name] = None
-        else:
-            values[name] = texts[0]
+        elif texts[0]:  # an empty field of a form says nothing
+            values[name] = None if texts[0] == "null" and name in _NULLABLE else texts[0]
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        raise InvalidRequest(field_errors(error.errors(include_url=False), location="form")) from None
+        raise InvalidRequest(field_errors(error.errors(include_url=False), model, location="form")) from None
 
 
 def _metadata(text: str) -> Any:

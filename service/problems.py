@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from http import HTTPStatus
-from typing import Any
+from typing import Any, get_args
 
 import structlog
 from fastapi import FastAPI
@@ -18,6 +18,7 @@ from starlette.responses import JSONResponse, Response
 
 from reebase import errors as library
 from service import errors as http
+from service.schemas.common import COLLECTION_NAME, IDEMPOTENCY_KEY
 from store import errors as store
 from store.records import Task
 
@@ -202,16 +203,87 @@ def pointer(parts: tuple[int | str, ...]) -> str:
     return "".join("/" + str(part).replace("~", "~0").replace("/", "~1") for part in parts)
 
 
-def field_errors(raw: list[Any], *, location: str | None = None) -> list[dict[str, Any]]:
-    """pydantic's errors in our shape. location: where the values came from, when not as a JSON body."""
+_WORDS = {
+    "missing": "is required",
+    "string_type": "must be a text",
+    "string_pattern_mismatch": "does not have the form that is asked for",
+    "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "int_parsing_size": "is too large a number",
+    "int_from_float": "must be a whole number",
+    "float_type": "must be a number",
+    "float_parsing": "must be a number",
+    "finite_number": "must be a finite number",
+    "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
+    "list_type": "must be a list",
+    "dict_type": "must be a JSON object",
+    "model_type": "must be a JSON object",
+    "model_attributes_type": "must be a JSON object",
+    "greater_than_equal": "must be at least {ge}",
+    "greater_than": "must be more than {gt}",
+    "less_than_equal": "must be at most {le}",
+    "less_than": "must be less than {lt}",
+    "literal_error": "must be one of {expected}",
+    "string_too_long": "has too many characters; at most {max_length} are allowed",
+    "string_too_short": "has too few characters; at least {min_length} are needed",
+    "too_long": "there are too many; at most {max_length} are allowed",
+    "too_short": "there are too few; at least {min_length} are needed",
+}
+"""pydantic's kinds of refusal in our words; what is not here speaks for itself."""
+
+_PATTERNS = {
+    COLLECTION_NAME: "must be lower-case letters, digits, '.', '_' and '-', at most 63, beginning with a letter "
+    "or digit",
+    IDEMPOTENCY_KEY: "must be printable ASCII characters without spaces",
+}
+
+
+def _words(error: dict[str, Any], model: type[BaseModel] | None, path: list[int | str]) -> str:
+    """What is wrong with a value, without its name."""
+    context = error.get("ctx", {})
+    if error["type"] == "extra_forbidden":
+        there = _members(model, path[:-1])
+        return f"is not known here; there is {', '.join(there)}" if there else "is not known here"
+    if error["type"] == "string_pattern_mismatch" and context.get("pattern") in _PATTERNS:
+        return _PATTERNS[context["pattern"]]
+    if error["type"] in _WORDS:
+        return _WORDS[error["type"]].format_map(context)
+    return re.sub(r"^(Value error|Assertion failed), ", "", error["msg"])
+
+
+def _members(model: Any, path: list[int | str]) -> list[str]:
+    """The names of the members that the model has at a place inside it."""
+    for part in path:
+        if model is not None and not isinstance(part, int):
+            found = model.model_fields.get(part)
+            model = None if found is None else _model_in(found.annotation)
+    return [] if model is None else list(model.model_fields)
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model in ``Model | None``, ``list[Model]`` and the like."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, get_args(annotation))), None)
+
+
+def field_errors(
+    raw: Sequence[Any], model: type[BaseModel] | None = None, *, location: str | None = None
+) -> list[dict[str, Any]]:
+    """pydantic's errors in our shape and words.
+
+    model: of the body, to name its members. location: where the values came from, when not as a JSON body.
+    """
     entries: list[dict[str, Any]] = []
     for error in raw:
         place, *path = error["loc"] or ("body",)
         if location is not None:
             place, path = location, list(error["loc"])
         name = ".".join(str(part) for part in path)
-        message = re.sub(r"^(Value error|Assertion failed), ", "", error["msg"])
-        entry: dict[str, Any] = {"detail": f"{name}: {message}" if name else message, "code": error["type"]}
+        message = _words(error, model, path)
+        detail = f"{name}: {message}" if name else re.sub("^(?=must |is )", "The body ", message)
+        entry: dict[str, Any] = {"detail": detail, "code": error["type"]}
         if place in _PLACES or location is not None:
             entry |= {"parameter": name, "location": str(place)}
         else:
@@ -240,7 +312,12 @@ def _validation(request: Request, error: RequestValidationError) -> Response:
     if broken is not None:
         reason = broken.get("ctx", {}).get("error", "it cannot be parsed")
         return problem_response(request, http.MalformedJson(f"The body is not JSON: {reason}."))
-    return problem_response(request, http.InvalidRequest(field_errors(list(found))))
+    if len(found) == 1 and (kind := code_class(found[0]["type"])):
+        # A refusal of the library keeps its own code where it is the only one.
+        return problem_response(request, kind(found[0]["msg"], **found[0].get("ctx", {}).get("details", {})))
+    body = getattr(request.scope.get("route"), "body_field", None)
+    model = None if body is None else _model_in(body.field_info.annotation)
+    return problem_response(request, http.InvalidRequest(field_errors(found, model)))
 
 
 def _framework(request: Request, error: HTTPException) -> Response:

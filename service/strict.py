@@ -13,10 +13,11 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from reebase.errors import TooManyBytes
+from reebase.mesh.read.text import json_fault
 from service.bodies import chunks
-from service.errors import MalformedJson
+from service.errors import MalformedJson, UnsupportedMediaType
 
-__all__ = ["StrictRoute", "parse_json"]
+__all__ = ["StrictRoute", "is_json", "parse_json"]
 
 
 def _no_constant(name: str) -> Any:
@@ -43,8 +44,10 @@ def parse_json(text: bytes | str) -> Any:
         value = json.loads(
             text, parse_constant=_no_constant, parse_float=_finite, object_pairs_hook=_no_repeats
         )
-    except (ValueError, RecursionError) as error:
-        raise MalformedJson(f"The body is not JSON: {error}.") from None
+    except RecursionError:
+        raise MalformedJson("The JSON is nested too deeply.") from None
+    except ValueError as error:
+        raise MalformedJson(f"The text is not JSON: {json_fault(error)}.") from None
     if any(_UNKEEPABLE.search(part) for part in _texts(value)):
         raise MalformedJson("A text in the body holds U+0000 or half a surrogate pair.")
     return value
@@ -92,13 +95,26 @@ def _too_long(limit: int) -> TooManyBytes:
     return TooManyBytes(f"A JSON body may have at most {limit} bytes.", limit=limit)
 
 
+def is_json(request: Request) -> bool:
+    """Whether the request says that its body is JSON; a glTF file is a mesh."""
+    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    return kind == "application/json" or (kind.startswith("application/") and kind.endswith("+json"))
+
+
+def _has_body(request: Request) -> bool:
+    return request.headers.get("content-length", "0") != "0" or "transfer-encoding" in request.headers
+
+
 class StrictRoute(APIRoute):
-    """A route whose JSON body is read strictly."""
+    """A route whose JSON body is read strictly, and by its header."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handle = super().get_route_handler()
+        takes_json = self.body_field is not None
 
         async def strictly(request: Request) -> Response:
+            if takes_json and _has_body(request) and not is_json(request):
+                raise UnsupportedMediaType("The body must be JSON; send the header `Content-Type: application/json`.")
             return await handle(_StrictRequest(request.scope, request.receive))
 
         return strictly

@@ -109,6 +109,10 @@ class _Intake:
         if not self.format_hint and not self.format:
             self.format = sniff(bytes(self._head), self.filename, size=self.size)
 
+    @property
+    def looks_like_json(self) -> bool:
+        return self._head.lstrip().startswith((b"{", b"["))
+
     def commit(self) -> str:
         if self._writer is None:
             raise RuntimeError("The file is not complete yet.")
@@ -161,9 +165,10 @@ def _one(fields: Mapping[str, Sequence[str]], name: str) -> str | None:
 
 
 @asynccontextmanager
-async def received(request: Request, blobs: Blobs, limit: int) -> AsyncIterator[Upload]:
+async def received(request: Request, blobs: Blobs, limit: int, *, or_json: bool = False) -> AsyncIterator[Upload]:
     """Receive a multipart or raw body of at most ``limit`` bytes; what the block does not keep is dropped.
 
+    or_json: the route takes JSON too, so a body of no format may be JSON that was sent without its header.
     Raises TooManyBytes (at once when Content-Length says so, else when the limit is passed),
     MalformedMultipart, MissingFile, EmptyFile, UnknownFormat, UnsupportedMediaType and UploadStalled.
     """
@@ -201,5 +206,13 @@ async def received(request: Request, blobs: Blobs, limit: int) -> AsyncIterator[
             async for batch in _batches(request, limit, overhead):
                 await run_in_threadpool(intake.write, batch)
             fields = query
-        await run_in_threadpool(intake.finish)
+        try:
+            await run_in_threadpool(intake.finish)
+        except UnknownFormat:
+            if or_json and (kind == "application/x-www-form-urlencoded" or intake.looks_like_json):
+                raise UnsupportedMediaType(
+                    "The body is no mesh. To ask by the id of a shape, send JSON with the header "
+                    "`Content-Type: application/json`."
+                ) from None
+            raise
         yield Upload(fields, intake.format_hint or intake.format, intake.filename, intake.size, intake)

@@ -35,7 +35,7 @@ from reebase.pipeline import Description
 from reebase.search import Hit, Index
 from store import collections, results, shapes
 from store.engine import Database
-from store.errors import ProfileChanged, ResultNotFound
+from store.errors import ProfileChanged
 from store.follower import IndexFollower
 from store.records import Collection, Filters, Shape
 
@@ -148,9 +148,8 @@ def _stored(conn: Connection, collection: Collection, shape_id: str) -> Describe
     shape = shapes.get(conn, collection.id, shape_id)
     found = results.features(conn, shape_id)
     if found.profile_key != collection.profile_key:
-        raise ResultNotFound(
-            "The shape is not described under the collection's present profile yet; look at its task.",
-            shape=shape_id,
+        raise results.not_described(
+            conn, shape_id, "The shape is not described under the collection's present profile."
         )
     return DescribedMesh(found.features, found.profile_key, shape.flags)
 

@@ -85,7 +85,7 @@ class KeyNotFound(NotFound):
 
 
 class ResultNotFound(NotFound):
-    """The result is not computed yet, or its computation failed; look at the task."""
+    """The result is not computed yet, or its computation failed; the detail says which."""
 
     code = "result_not_found"
 

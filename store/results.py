@@ -32,7 +32,7 @@ from store.sql import insert
 
 __all__ = [
     "LabelledFeatures", "descriptor", "features", "features_of_bytes", "health", "labelled_features",
-    "skeleton", "store_description",
+    "not_described", "skeleton", "store_description",
 ]  # fmt: skip
 
 _ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
@@ -153,8 +153,30 @@ def features_of_bytes(stored: bytes) -> npt.NDArray[np.float64]:
 def _row(conn: Connection, table: Table, shape_id: str) -> Any:
     row = conn.execute(select(table).where(table.c.shape_id == shape_id)).mappings().first()
     if row is None:
-        raise ResultNotFound(shape=shape_id)
+        raise not_described(conn, shape_id)
     return row
+
+
+def not_described(conn: Connection, shape_id: str, why: str = "") -> ResultNotFound:
+    """The refusal for a shape without results: which of waiting, failed and cancelled it is. why: said first."""
+    shape = tables.shape
+    row = conn.execute(select(shape.c.state, shape.c.task_id).where(shape.c.id == shape_id)).first()
+    if row is None or row.task_id is None:
+        return ResultNotFound(why or None, shape=shape_id)
+    task = tasks.get(conn, row.task_id)
+    details: dict[str, Any] = {"shape": shape_id, "state": row.state, "task": task.id}
+    if task.state == "failed":
+        error = dict(task.error_detail or {})
+        message = str(error.pop("message", task.error_code))
+        said = f"The shape could not be described: {message}"
+        details["error"] = {"code": task.error_code, "detail": message, "details": error}
+    elif task.state == "running":
+        said = f"The shape is still being described (stage {task.stage or 'starting'})."
+    elif task.state == "queued":
+        said = "The shape waits to be described."
+    else:
+        said = f"The shape's task is {task.state}."
+    return ResultNotFound(f"{why} {said}".strip(), **details)
 
 
 def _replace(conn: Connection, table: Table, shape_id: str, values: dict[str, Any]) -> None:

@@ -30,6 +30,7 @@ try:
         Counts,
         Evaluation,
         Failure,
+        Filter,
         Formats,
         Hit,
         HitShape,
@@ -50,7 +51,8 @@ except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is 
     raise MissingPackage("The client needs httpx: pip install 'reebase[client]'.") from missing
 
 __all__ = [
-    "Answer", "Client", "Collection", "Counts", "Evaluation", "Failure", "Formats", "Hit", "HitShape", "Matrix",
-    "Measure", "Pair", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits", "ServiceUnreachable",
-    "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload", "WaitTimeout",
+    "Answer", "Client", "Collection", "Counts", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape",
+    "Matrix", "Measure", "Pair", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits",
+    "ServiceUnreachable", "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload",
+    "WaitTimeout",
 ]  # fmt: skip

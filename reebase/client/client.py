@@ -21,6 +21,7 @@ from reebase.client.records import (
     Answer,
     Collection,
     Evaluation,
+    Filter,
     Formats,
     Matrix,
     Measure,
@@ -359,6 +360,10 @@ class Client:
     def measures(self) -> list[Measure]:
         """The measures of D that a query or an evaluation can name."""
         return self._get(lambda found: [records.record(Measure, one) for one in found["items"]], "/v1/measures")
+
+    def filters(self) -> list[Filter]:
+        """The denoising filters that a profile can name."""
+        return self._get(lambda found: [records.record(Filter, one) for one in found["items"]], "/v1/filters")
 
     def readiness(self) -> Readiness:
         """Whether it can serve, and when a worker was last seen. Raises ServiceError: ``not_ready``."""

@@ -14,8 +14,8 @@ import numpy.typing as npt
 from reebase.client.errors import ServiceError
 
 __all__ = [
-    "Answer", "Collection", "Counts", "Evaluation", "Failure", "Formats", "Hit", "HitShape", "Matrix", "Measure",
-    "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
+    "Answer", "Collection", "Counts", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix",
+    "Measure", "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
 ]  # fmt: skip
 
 _Record = TypeVar("_Record")
@@ -242,6 +242,14 @@ class Formats:
 @dataclass(frozen=True)
 class Measure:
     """A measure of D."""
+
+    name: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Filter:
+    """A denoising filter, or ``none``, that a profile's ``denoise`` can name."""
 
     name: str
     description: str

@@ -1,4 +1,4 @@
-"""What the service allows and knows: limits, formats, measures."""
+"""What the service allows and knows: limits, formats, measures, filters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ from service.auth import Reader
 from service.checks import MAX_PAGE
 from service.context import Here
 from service.routes.common import api_router
-from service.schemas.about import Format, FormatsValue, LimitsValue, Measure, MeasuresValue
+from service.schemas.about import (
+    DenoisingFilter,
+    FiltersValue,
+    Format,
+    FormatsValue,
+    LimitsValue,
+    Measure,
+    MeasuresValue,
+)
 
 __all__ = ["WRITTEN", "router"]
 
@@ -46,3 +54,14 @@ def measures(_: Reader) -> MeasuresValue:
 
     known = [Measure(name=measure.name, description=measure.summary) for measure in MEASURES.values()]
     return MeasuresValue(items=known, default="matching")
+
+
+@router.get("/filters", operation_id="listFilters", summary="Denoising filters")
+def filters(_: Reader) -> FiltersValue:
+    """What a profile's `denoise` can name."""
+    from reebase.denoise import METHODS
+    from reebase.pipeline import Profile
+
+    known = [DenoisingFilter(name=method.name, description=method.summary) for method in METHODS.values()]
+    none = DenoisingFilter(name="none", description="leaves the mesh as it is")
+    return FiltersValue(items=[*known, none], default=Profile().denoise)

@@ -10,6 +10,7 @@ from sqlalchemy import Connection
 from service.auth import Principal
 from service.checks import MAX_PAGE
 from service.problems import PROBLEMS
+from service.schemas.common import IDEMPOTENCY_KEY
 from service.strict import StrictRoute
 from store import collections
 from store.records import Collection
@@ -36,7 +37,7 @@ Cursor = Annotated[
 IdempotencyKey = Annotated[
     str | None,
     Header(
-        alias="Idempotency-Key", min_length=1, max_length=255, pattern=r"^[\x21-\x7e]+$",
+        alias="Idempotency-Key", min_length=1, max_length=255, pattern=IDEMPOTENCY_KEY,
         description="The same key with the same request gives the first answer again, for a day.",
     ),
 ]  # fmt: skip

@@ -13,7 +13,6 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from service.auth import Principal, Reader, Writer
-from service.checks import check_evaluation
 from service.conditional import unless_unchanged
 from service.context import Here
 from service.replay import json_response, once, same_request
@@ -56,7 +55,6 @@ def create_evaluation(
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Leave-one-out over a collection with labels or over the synthetic set; a task with progress."""
-    check_evaluation(body)
     if body.collection is None:
         principal.need_everywhere()
     params = body.model_dump(exclude_none=True)

@@ -58,8 +58,9 @@ def readyz(here: Here) -> ReadyValue:
         raise NotReady(f"The database does not answer: {type(error).__name__}.") from error
     queued = sum(count for (_, state), count in counts.items() if state == "queued")
     return ReadyValue(
-        status="ready", version=reebase.__version__, worker_seen_at=seen, queued=queued
-    )
+        status="ready", version=reebase.__version__, worker="not seen yet" if seen is None else "seen",
+        worker_seen_at=seen, queued=queued,
+    )  # fmt: skip
 
 
 @router.get(

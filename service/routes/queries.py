@@ -28,6 +28,7 @@ from service.schemas.queries import (
     QueryBody,
     QueryParameters,
 )
+from service.strict import is_json
 from service.uploads import Upload, received
 from service.values import task_value
 from service.waiting import wait_for
@@ -69,11 +70,10 @@ async def query(
     mesh that is not done within `wait` seconds is answered with its task.
     """
     await run_in_threadpool(_check_open, here, principal, collection)
-    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
-    if kind == "application/json" or (kind.endswith("+json") and not kind.startswith("model/")):
+    if is_json(request):
         body = model_of_json(QueryBody, await request.json())
         return await run_in_threadpool(_by_shape, here, collection, body)
-    async with received(request, here.blobs, here.settings.max_upload_bytes) as upload:
+    async with received(request, here.blobs, here.settings.max_upload_bytes, or_json=True) as upload:
         parameters = model_of_fields(QueryParameters, upload.fields, leave=_OF_THE_FILE)
         check_query(parameters, here.settings, form=True)
         wait = model_of_fields(_Wait, {k: v for k, v in upload.fields.items() if k == "wait"}).wait

@@ -6,7 +6,10 @@ from pydantic import Field
 
 from service.schemas.common import Moment, Value
 
-__all__ = ["FormatsValue", "LimitsValue", "LiveValue", "MeasuresValue", "ReadyValue"]
+__all__ = [
+    "DenoisingFilter", "FiltersValue", "Format", "FormatsValue", "LimitsValue", "LiveValue", "Measure", "MeasuresValue",
+    "ReadyValue",
+]  # fmt: skip
 
 
 class LimitsValue(Value):
@@ -55,6 +58,20 @@ class MeasuresValue(Value):
     default: str
 
 
+class DenoisingFilter(Value):
+    """A filter that a profile's `denoise` can name."""
+
+    name: str = Field(examples=["finite_volume"])
+    description: str
+
+
+class FiltersValue(Value):
+    """All denoising filters, and `none`; `default` is used when a profile names none."""
+
+    items: list[DenoisingFilter]
+    default: str
+
+
 class LiveValue(Value):
     """The process answers."""
 
@@ -67,5 +84,8 @@ class ReadyValue(Value):
 
     status: str = Field(examples=["ready"])
     version: str
+    worker: str = Field(
+        description="`seen`, or `not seen yet`: what is uploaded waits until one starts.", examples=["seen"]
+    )
     worker_seen_at: Moment | None = Field(description="When a worker last worked; null when none did yet.")
     queued: int

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from reebase.errors import ReebaseError
 from reebase.pipeline import Profile
-from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, printable
+from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, printable, refused
 
 __all__ = ["CollectionPatch", "CollectionValue", "Counts", "NewCollection", "ProfileBody"]
 
@@ -33,6 +34,16 @@ class ProfileBody(Body):
     )
     area: Text = Field(_DEFAULT.area, description="Reading of the relative node area: `band` or `ring`.")
     operator: Text = Field(_DEFAULT.operator, description="`cotangent`, `tufted`, or `auto`: tufted where it must be.")
+
+    @field_validator("denoise", "field", "saliency", "area", "operator")
+    @classmethod
+    def _known(cls, name: str, info: ValidationInfo) -> str:
+        """Refuse here what the pipeline would."""
+        try:
+            Profile(**{str(info.field_name): name})  # type: ignore[arg-type]  # each of these is a text
+        except ReebaseError as refusal:
+            raise refused(refusal) from None
+        return name
 
 
 class NewCollection(Body):

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import unicodedata
+from collections.abc import Callable, Collection
 from datetime import datetime
 from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer
+from pydantic_core import PydanticCustomError
+
+from reebase.errors import ReebaseError, unknown_name
 
 __all__ = [
     "Body", "CollectionName", "ErrorValue", "Finite", "Metadata", "Moment", "PageOf", "Progress", "Text",
-    "Triple", "Value", "printable",
+    "Triple", "Value", "one_of", "printable", "refused",
 ]  # fmt: skip
 
 T = TypeVar("T")
 
 COLLECTION_NAME = r"^[a-z0-9][a-z0-9._-]{0,62}$"
+IDEMPOTENCY_KEY = r"^[\x21-\x7e]+$"
 
 
 class Body(BaseModel):
@@ -72,6 +77,23 @@ def check_metadata(value: dict[str, Any]) -> dict[str, Any]:
 
 Text = Annotated[str, AfterValidator(printable), AfterValidator(_not_blank)]
 """Printable, not blank, without spaces at its ends."""
+
+def refused(error: ReebaseError) -> PydanticCustomError:
+    """A refusal of the library as pydantic's, so that all that is wrong with a body is said at once."""
+    return PydanticCustomError(error.code, "{message}", {"message": error.message, "details": error.details})
+
+
+def one_of(kind: str, names: Callable[[], Collection[str]]) -> AfterValidator:
+    """Refuse names that a registry does not hold. names: called when it is needed, for what is slow to import."""
+
+    def check(name: str) -> str:
+        known = names()
+        if name not in known:
+            raise refused(unknown_name(kind, name[:80], known))
+        return name
+
+    return AfterValidator(check)
+
 
 Moment = Annotated[datetime, PlainSerializer(_utc, when_used="json")]
 """UTC, ISO 8601 with milliseconds."""

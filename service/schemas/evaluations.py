@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
 from service.schemas.collections import ProfileBody
-from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value
+from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, one_of
 from service.schemas.tasks import TaskValue
 
 __all__ = ["EvaluationValue", "MatrixValue", "NewEvaluation", "SyntheticBody"]
+
+
+STORED_DESCRIPTORS = ("srg",)
+"""Descriptors that are kept of every shape; an evaluation has no others to compare."""
+
+
+def _measures() -> Collection[str]:
+    from reebase.matching import MEASURES
+
+    return MEASURES
+
+
+def _classes() -> Collection[str]:
+    from reebase.evaluation.synthetic import CLASSES
+
+    return CLASSES
 
 
 class SyntheticBody(Body):
@@ -23,7 +40,9 @@ class SyntheticBody(Body):
     scale: bool = True
     tessellation: bool = True
     vertex_order: bool = True
-    classes: list[Text] | None = Field(None, min_length=2, max_length=10, description="Only these classes.")
+    classes: list[Annotated[Text, one_of("class", _classes)]] | None = Field(
+        None, min_length=2, max_length=10, description="Only these classes."
+    )
 
 
 class NewEvaluation(Body):
@@ -41,8 +60,8 @@ class NewEvaluation(Body):
     collection: CollectionName | None = None
     synthetic: SyntheticBody | None = None
     profile: ProfileBody | None = Field(None, description="Of the synthetic set; a collection has its own.")
-    measure: Text = "matching"
-    descriptor: Text = "srg"
+    measure: Annotated[Text, one_of("measure", _measures)] = "matching"
+    descriptor: Annotated[Text, one_of("descriptor", lambda: STORED_DESCRIPTORS)] = "srg"
     bootstrap: int = Field(1000, ge=0, le=10_000, description="Resamples for the intervals.")
 
     @model_validator(mode="after")

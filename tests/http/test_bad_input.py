@@ -120,7 +120,10 @@ def test_a_file_that_is_no_mesh_fails_alone(
     shape = http.get(reply.headers["location"]).json()
     assert shape["state"] == "failed" and shape["error"] == task["error"]
     for part in ("skeleton", "features", "health", "field", "mesh"):
-        is_problem(http.get(f"{reply.headers['location']}/{part}"), 404, "result_not_found")
+        value = is_problem(http.get(f"{reply.headers['location']}/{part}"), 404, "result_not_found")
+        assert task["error"]["detail"] in value["detail"]
+        assert (value["details"]["state"], value["details"]["task"]) == ("failed", task["id"])
+        assert value["details"]["error"]["code"] == task["error"]["code"]
     assert http.get(f"{reply.headers['location']}/original").content == data
     # The same file as a query: the same reason, as the answer.
     asked = http.post(f"{pen}/query", files={"file": (name, data)})

@@ -163,6 +163,62 @@ def test_values_that_are_not_allowed(api: httpx.Client, body: dict[str, Any], po
     assert [error["pointer"] for error in value["errors"]] == [pointer]
 
 
+WORDS: dict[str, tuple[dict[str, Any], str]] = {
+    "name": ({"name": "Animals"}, "name: must be lower-case letters, digits, '.', '_' and '-', at most 63, "
+             "beginning with a letter or digit"),
+    "another member": ({"name": "a", "colour": "red"},
+                       "colour: is not known here; there is name, description, profile"),
+    "another parameter": ({"name": "a", "profile": {"bandss": 1}},
+                          "profile.bandss: is not known here; there is denoise, iterations, field, bands, saliency, "
+                          "threshold, area, operator"),
+    "bands": ({"name": "a", "profile": {"bands": 1}}, "profile.bands: must be at least 2"),
+    "half a band": ({"name": "a", "profile": {"bands": 2.5}}, "profile.bands: must be a whole number"),
+    "a list": ({"name": ["a"]}, "name: must be a text"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("body", "detail"), WORDS.values(), ids=WORDS)
+def test_refusals_are_in_our_words(api: httpx.Client, body: dict[str, Any], detail: str) -> None:
+    assert is_problem(api.post("/v1/collections", json=body), 422, "validation_error")["detail"] == detail
+    nested = {"synthetic": {"per_class": "x", "colour": 1}, "measure": 1}
+    value = is_problem(api.post("/v1/evaluations", json=nested), 422, "validation_error")
+    assert [error["detail"] for error in value["errors"]] == [
+        "synthetic.per_class: must be a whole number",
+        "synthetic.colour: is not known here; there is per_class, seed, noise, rotation, scale, tessellation, "
+        "vertex_order, classes",
+        "measure: must be a text",
+    ]
+
+
+def test_a_body_that_is_no_object(api: httpx.Client) -> None:
+    value = is_problem(api.post("/v1/collections", json=[1]), 422, "validation_error")
+    assert value["detail"] == "The body must be a JSON object"
+
+
+def test_all_that_is_wrong_is_said_at_once(api: httpx.Client) -> None:
+    body = {"name": "No", "profile": {"denoise": "magic", "field": "eigenfunction:0", "area": "disc", "bands": 1}}
+    value = is_problem(api.post("/v1/collections", json=body), 422, "validation_error")
+    places = {error["pointer"]: error["code"] for error in value["errors"]}
+    assert places.keys() == {"/name", *(f"/profile/{name}" for name in ("denoise", "field", "area", "bands"))}
+    assert (places["/profile/denoise"], places["/profile/field"]) == ("unknown_name", "invalid_parameter")
+    assert "finite_volume" in next(e["detail"] for e in value["errors"] if e["pointer"] == "/profile/denoise")
+    both = {"synthetic": {"classes": ["ants", "cats"]}, "measure": "best", "profile": {"operator": "best"}}
+    value = is_problem(api.post("/v1/evaluations", json=both), 422, "validation_error")
+    assert [error["pointer"] for error in value["errors"]] == ["/synthetic/classes/1", "/profile/operator", "/measure"]
+
+
+def test_json_without_its_header(api: httpx.Client, shelf: str) -> None:
+    for kind in ("application/x-www-form-urlencoded", "text/plain", ""):
+        headers = {"Content-Type": kind} if kind else {}
+        for path, text in (("/v1/collections", '{"name": "zoo2"}'), (f"{shelf}/query", ' {"shape": "x"}')):
+            reply = api.post(path, content=text, headers=headers)
+            value = is_problem(reply, 415, "unsupported_media_type")
+            assert "`Content-Type: application/json`" in value["detail"]
+    # What is no JSON at all is a mesh that is not known.
+    reply = api.post(f"{shelf}/query", content="hello", headers={"Content-Type": "text/plain"})
+    is_problem(reply, 415, "unknown_format")
+
+
 def test_an_unknown_filter_lists_those_that_there_are(api: httpx.Client) -> None:
     body = {"name": "filters", "profile": {"denoise": "magic"}}
     value = is_problem(api.post("/v1/collections", json=body), 422, "unknown_name")

@@ -235,9 +235,16 @@ def test_pages_for_people(api: httpx.Client) -> None:
         assert "//cdn" not in text and "https://" not in text
 
 
+def test_ready_before_any_worker(tmp_path: Path) -> None:
+    with api_alone(tmp_path) as served, served.client() as client:
+        ready = client.get("/readyz").json()
+    assert (ready["status"], ready["worker"], ready["worker_seen_at"]) == ("ready", "not seen yet", None)
+
+
 def test_operators(api: httpx.Client, shelf: str) -> None:
     api.post(f"{shelf}/shapes", content=different(52)).raise_for_status()
     ready = api.get("/readyz").json()
+    assert ready["worker"] == ("not seen yet" if ready["worker_seen_at"] is None else "seen")
     assert ready["status"] == "ready" and ready["queued"] >= 1
     text = api.get("/metrics").text
     assert 'reebase_requests_total{method="POST",route="/v1/collections/{collection}/shapes",status="202"}' in text

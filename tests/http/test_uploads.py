@@ -153,6 +153,12 @@ def test_fields_that_are_not_allowed(
     assert [error["parameter"].split(".")[0] for error in value["errors"]] == [parameter]
 
 
+def test_a_label_that_reads_null(api: httpx.Client, shelf: str) -> None:
+    reply = api.post(f"{shelf}/shapes", content=PLY, params={"label": "null", "name": "null"})
+    shape = reply.json()["shape"]
+    assert (shape["label"], shape["name"]) == ("null", "null")
+
+
 def test_a_limit_is_said(api: httpx.Client, shelf: str) -> None:
     reply = api.post(f"{shelf}/shapes", content=PLY, params={"label": "x" * 201})
     assert "at most 200" in is_problem(reply, 422, "validation_error")["detail"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from xml.parsers import expat
@@ -113,8 +114,8 @@ def _run(content: bytes, start: Callable[[str, dict[str, str]], None], path: str
         raise FormatError(f"3MF: {path[:80]!r} is not well-formed XML ({error}).") from None
     except KeyError:
         raise
-    except (LookupError, ValueError) as error:
-        raise FormatError(f"3MF: {path[:80]!r} is not well-formed XML ({error}).") from None
+    except (LookupError, ValueError):
+        raise FormatError(f"3MF: {path[:80]!r} is XML in an encoding that is not read; save it as UTF-8.") from None
 
 
 def _parse(content: bytes, path: str, limits: Limits) -> _Model:
@@ -155,7 +156,9 @@ def _parse(content: bytes, path: str, limits: Limits) -> _Model:
     except KeyError as error:
         raise FormatError(f"3MF: an element in {path[:80]!r} lacks its attribute {error}.") from None
     except (ValueError, OverflowError) as error:
-        raise FormatError(f"3MF: {path[:80]!r} holds something that is not a number ({error}).") from None
+        token = re.search(r": ('.*')$", str(error), re.DOTALL)
+        named = f": {token[1][:60]}" if token else ""
+        raise FormatError(f"3MF: {path[:80]!r} has a coordinate or an index that is not a number{named}.") from None
     return model
 
 

@@ -92,12 +92,23 @@ def test_a_shape_without_endpoints_is_a_result(
         assert collections.counts(conn, collection.id).by_endpoint_count == {0: 1}
 
 
-def test_before_there_are_results(database: Database, upload: Upload) -> None:
+def test_before_there_are_results(database: Database, queue: tasks.DatabaseQueue, upload: Upload) -> None:
     shape, _ = upload()
     with database.read() as conn:
         for read in (results.features, results.skeleton, results.health):
-            with pytest.raises(ResultNotFound):
+            with pytest.raises(ResultNotFound, match="waits to be described"):
                 read(conn, shape.id)
+    task = queue.claim("w")
+    assert task is not None
+    queue.heartbeat(task, "eigenpairs", 0.5)
+    with database.write() as conn:
+        with pytest.raises(ResultNotFound, match=r"still being described \(stage eigenpairs\)"):
+            results.features(conn, shape.id)
+        tasks.fail(conn, task, "no_faces", {"message": "No faces.", "found": 0})
+        with pytest.raises(ResultNotFound, match=r"could not be described: No faces\.") as failed:
+            results.skeleton(conn, shape.id)
+    error = {"code": "no_faces", "detail": "No faces.", "details": {"found": 0}}
+    assert failed.value.details == {"shape": shape.id, "state": "failed", "task": task.id, "error": error}
 
 
 def test_features_that_do_not_fit_their_count_are_refused(
