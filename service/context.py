@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -12,8 +13,10 @@ from starlette.requests import Request
 from service.metrics import Metrics
 from service.rates import RateLimiter
 from service.settings import ServiceSettings
+from store import sweep
 from store.blobs import Blobs, open_blobs
 from store.engine import Database
+from store.errors import StoreError
 from store.follower import IndexFollower
 
 __all__ = ["Context", "Here"]
@@ -41,6 +44,15 @@ class Context:
         return cls(
             settings, database, open_blobs(settings), IndexFollower(database), metrics, stopping=stopping
         )
+
+    def remove_unnamed(self, sha256: str, grace_seconds: float | None = None) -> None:
+        """Remove a blob that no row names, if that can be done now; else the sweep will.
+
+        grace_seconds: spare what was put since; by default what the settings say.
+        """
+        grace = self.settings.sweep_grace_seconds if grace_seconds is None else grace_seconds
+        with suppress(StoreError, OSError):
+            sweep.remove_unnamed(self.database, self.blobs, sha256, grace)
 
     def close(self) -> None:
         self.database.close()

@@ -16,7 +16,7 @@ from service.context import Context
 from store import idempotency
 from store.sql import canonical_json
 
-__all__ = ["json_response", "once", "same_request"]
+__all__ = ["REPLAYED", "json_response", "once", "same_request"]
 
 REPLAYED = "Idempotency-Replayed"
 

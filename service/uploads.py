@@ -47,10 +47,11 @@ class Upload:
         """Call it in the transaction that names the blob. Raises StoreBusy when a sweep was faster.
 
         A sweep removes in a write transaction of its own, so a blob that is there now will be there. It takes
-        what nothing named for its whole grace period: an upload that waited so long is sent again.
+        what nothing named for its whole grace period, and the mesh of a query that ended: an upload that waited
+        so long, or came with the same bytes at that moment, is sent again.
         """
         if not self._intake.blobs.exists(sha256):
-            raise StoreBusy("The upload waited too long for the database and was cleared away; send it again.")
+            raise StoreBusy("The upload was cleared away while it waited for the database; send it again.")
 
 
 def clean_filename(given: str | None) -> str | None:

@@ -1,12 +1,17 @@
 """The sweep: removes what nothing needs any more.
 
 ``sweep(database, blobs, settings) -> Swept``: run it now and then, from one process or several at once.
+``remove_unnamed(database, blobs, sha256, grace_seconds) -> bool``: one blob, as when the task of a query ended.
 ``referenced(conn, hashes) -> set``, ``all_referenced(conn) -> set``: which blobs rows name.
 
 A blob is removed when no row names it and it was not put within the grace period. Blobs are put before
 the rows that name them, so the last look at the rows happens inside the write lock, right before the
 removal: a row that commits later belongs to a blob that was put, and so renewed, after that look or
 within the grace.
+
+The mesh of a query has no grace once its task ended. Whoever puts the same bytes after that task was
+queued renews them, which spares them; who put them earlier and has not named them yet finds them gone
+in the transaction that would name them, and is told to send them again.
 """
 
 from __future__ import annotations
@@ -22,12 +27,13 @@ from store import idempotency
 from store.blobs import Blobs
 from store.engine import Database
 from store.settings import Settings
-from store.sql import now
+from store.sql import now, read_clock
 from store.tables import evaluation, revision, shape, skeleton, task, tombstone
 
-__all__ = ["Swept", "all_referenced", "referenced", "sweep"]
+__all__ = ["Swept", "all_referenced", "referenced", "remove_unnamed", "sweep"]
 
 _MANY = 500  # hashes in one statement
+_CLOCK_SECONDS = 0.001  # what the database's clock may be off by
 
 _NAMES: tuple[tuple[Any, ColumnElement[bool]], ...] = (
     (shape.c.sha256, true()),
@@ -58,7 +64,7 @@ def sweep(database: Database, blobs: Blobs, settings: Settings) -> Swept:
         queries = _purge_queries(conn, settings.keep_query_seconds)
         tombstones = _purge_tombstones(conn, settings.keep_tombstones_seconds)
     grace = settings.sweep_grace_seconds
-    removed = sum(_remove(database, blobs, sha256, grace) for sha256 in _unnamed(database, blobs))
+    removed = sum(remove_unnamed(database, blobs, sha256, grace) for sha256 in _unnamed(database, blobs))
     return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, queries, tombstones)
 
 
@@ -86,9 +92,16 @@ def _unnamed(database: Database, blobs: Blobs) -> Iterator[str]:
         yield from (sha256 for sha256 in batch if sha256 not in named)
 
 
-def _remove(database: Database, blobs: Blobs, sha256: str, grace: float) -> bool:
+def remove_unnamed(database: Database, blobs: Blobs, sha256: str, grace_seconds: float) -> bool:
+    """Removes a blob that no row names and that is old enough; says whether it did."""
     with database.write() as conn:
-        return not referenced(conn, [sha256]) and blobs.delete(sha256, grace_seconds=grace)
+        if referenced(conn, [sha256]):
+            return False
+        asked = conn.execute(select(func.max(task.c.created_at)).where(task.c.blob == sha256)).scalar()
+        if asked is not None:  # by a query that ended: only what was put after it was queued is another's
+            since = (read_clock(conn) - asked).total_seconds() - _CLOCK_SECONDS
+            grace_seconds = min(grace_seconds, max(0.0, since))
+        return blobs.delete(sha256, grace_seconds=grace_seconds)
 
 
 def _purge_queries(conn: Connection, keep_seconds: float) -> int:

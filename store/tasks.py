@@ -94,7 +94,7 @@ def enqueue(
 ) -> Task:  # fmt: skip
     """A new task that is claimed once the transaction commits.
 
-    blob: an input that is no shape's; it is kept until the task ends.
+    blob: an input that is no shape's; once the task ended it is removed.
     Raises TaskExists when kind is "describe" and the shape has a live one.
     """
     values = {

@@ -146,6 +146,8 @@ class Worker:
             # Nothing could be written, not even that it failed: the lease ends and the task is taken again.
             outcome = error.code
             self._pause()
+        if task.blob is not None:
+            self._forget(task.blob)
         _log.info(
             "task_ended", task=task.id, kind=task.kind, attempt=task.attempt, outcome=outcome,
             seconds=round(time.monotonic() - began, 3),
@@ -188,6 +190,15 @@ class Worker:
         after = self._queue.crashed(task, code, detail)
         self._pause()
         return f"{code}, {after}"
+
+    def _forget(self, sha256: str) -> None:
+        """Remove the mesh of a query, unless the task goes on or the bytes are a shape's too."""
+        try:
+            sweep.remove_unnamed(
+                self._database, self._tools.blobs, sha256, self._settings.sweep_grace_seconds
+            )
+        except (ReebaseError, OSError) as error:
+            _log.warning("query_not_removed", error=str(error))  # the sweep will
 
     def _sweep_when_due(self) -> None:
         now = time.monotonic()

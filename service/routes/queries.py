@@ -16,7 +16,7 @@ from service.context import Context, Here
 from service.errors import InvalidRequest
 from service.forms import model_of_fields, model_of_json
 from service.problems import problem_response, task_problem, value_of
-from service.replay import json_response, once, same_request
+from service.replay import REPLAYED, json_response, once, same_request
 from service.routes.common import CollectionPath, IdempotencyKey, api_router, open_collection
 from service.routes.documents import QUERY
 from service.schemas.common import Body, Finite
@@ -34,6 +34,7 @@ from service.values import task_value
 from service.waiting import wait_for
 from store import faults, tasks
 from store.answers import QuerySpec, answer_query
+from store.errors import Conflict, NotFound
 from store.records import Task
 
 __all__ = ["router"]
@@ -110,16 +111,22 @@ def _enqueue(
     faults.point("upload.blob_stored")
     params = {**_spec(collection, parameters, None).to_params(), "format": upload.format}
     asked = same_request(request, principal, idempotency_key, {"sha256": sha256, **params})
-    with here.database.write() as conn:
-        opened = open_collection(conn, principal, collection)
+    try:
+        with here.database.write() as conn:
+            opened = open_collection(conn, principal, collection)
 
-        def work() -> Response:
-            upload.check_kept(sha256)
-            task = tasks.enqueue(conn, "query", collection_id=opened.id, params=params, blob=sha256)
-            location = {"Location": f"/v1/tasks/{task.id}"}
-            return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)
+            def work() -> Response:
+                upload.check_kept(sha256)
+                task = tasks.enqueue(conn, "query", collection_id=opened.id, params=params, blob=sha256)
+                location = {"Location": f"/v1/tasks/{task.id}"}
+                return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)
 
-        response = once(conn, here, asked, work)
+            response = once(conn, here, asked, work)
+    except (Conflict, NotFound):
+        here.remove_unnamed(sha256, 0.0)
+        raise
+    if REPLAYED in response.headers:
+        here.remove_unnamed(sha256, 0.0)  # the task that has it may have ended long ago
     faults.point("upload.row_committed")
     return response.headers["location"].rsplit("/", 1)[-1], response
 

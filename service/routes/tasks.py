@@ -75,7 +75,11 @@ def cancel_task(here: Here, principal: Writer, task: IdPath) -> TaskValue:
     """A queued task is cancelled at once; a running one as soon as its worker hears of it."""
     with here.database.write() as conn:
         visible_task(conn, principal, task)
-        return task_value(conn, tasks.cancel(conn, task))
+        cancelled = tasks.cancel(conn, task)
+        value = task_value(conn, cancelled)
+    if cancelled.blob is not None:
+        here.remove_unnamed(cancelled.blob)
+    return value
 
 
 @router.post("/tasks/{task}/retry", operation_id="retryTask", summary="Queue a task again")

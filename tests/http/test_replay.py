@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 from datetime import UTC, datetime
 from pathlib import Path
@@ -60,6 +61,22 @@ def test_a_repeated_query_by_mesh_is_one_task(api: httpx.Client, shelf: str) -> 
     assert first.status_code == second.status_code == 202
     assert first.json()["task"]["id"] == second.json()["task"]["id"]
     assert second.headers["idempotency-replayed"] == "true"
+
+
+def test_the_mesh_of_a_query_is_kept_only_while_its_task_lives(
+    alone: Served, api: httpx.Client, shelf: str
+) -> None:
+    path, mesh, blobs = f"{shelf}/query?wait=0", different(24), alone.blobs()
+    sha256 = hashlib.sha256(mesh).hexdigest()
+    task = api.post(path, content=mesh, headers=KEY).json()["task"]["id"]
+    assert blobs.exists(sha256)
+    other = different(25)
+    is_problem(api.post(path, content=other, headers=KEY), 409, "idempotency_conflict")
+    assert not blobs.exists(hashlib.sha256(other).hexdigest())
+    api.post(f"/v1/tasks/{task}/cancel").raise_for_status()
+    assert not blobs.exists(sha256)
+    is_problem(api.post(path, content=mesh, headers=KEY), 409, "task_cancelled")
+    assert not blobs.exists(sha256)
 
 
 def test_a_refused_request_leaves_its_key_free(api: httpx.Client) -> None:

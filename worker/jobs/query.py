@@ -1,6 +1,6 @@
 """Answer a query by an uploaded mesh: describe it under the collection's profile, then search.
 
-The upload is not kept: its blob belongs to the task alone, and once that ended the sweep removes it.
+The upload is not kept: its blob belongs to the task alone, and once that ended the worker removes it.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +31,7 @@ from store.idempotency import Request
 from store.records import Collection, Shape, Task
 from store.settings import Settings
 from store.sql import now
-from store.sweep import Swept, sweep
+from store.sweep import Swept, remove_unnamed, sweep
 from tests.unit.store.descriptions import description
 
 Upload = Callable[..., tuple[Shape, Task]]
@@ -311,3 +312,63 @@ def test_a_store_that_is_damaged_says_so_when_backed_up(
     with pytest.raises(BlobNotFound, match=full["cleaned"]):
         backup(database, blobs, tmp_path / "backup")
     assert not (tmp_path / "backup").exists()
+
+
+def ended(database: Database, sha256: str) -> None:
+    with database.write() as conn:
+        tasks.cancel(conn, tasks.enqueue(conn, "query", blob=sha256).id)
+
+
+def test_the_mesh_of_a_query_that_ended_is_removed_without_a_grace(
+    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str]
+) -> None:
+    grace = settings.sweep_grace_seconds
+    assert not remove_unnamed(database, blobs, full["query"], grace)  # its task waits
+    with database.write() as conn:
+        tasks.cancel(conn, tasks.list_page(conn, kind="query").items[0].id)
+    assert remove_unnamed(database, blobs, full["query"], grace)
+    # A query by the bytes of a shape, and one whose end nobody saw.
+    ended(database, full["upload"])
+    lost = blobs.put_if_absent(b"lost")
+    ended(database, lost)
+    assert not remove_unnamed(database, blobs, full["upload"], grace)
+    assert sweep(database, blobs, settings).blobs == 1
+    assert set(blobs.all()) == set(full.values()) - {full["query"]}
+
+
+def test_who_puts_the_mesh_of_a_query_again_keeps_it(
+    database: Database, blobs: LocalBlobs, settings: Settings
+) -> None:
+    sha256 = blobs.put_if_absent(b"query")
+    ended(database, sha256)
+    time.sleep(0.02)
+    blobs.put_if_absent(b"query")
+    assert not remove_unnamed(database, blobs, sha256, settings.sweep_grace_seconds)
+
+
+def test_uploads_that_race_with_the_end_of_queries_never_lose_what_they_named(
+    database: Database, blobs: LocalBlobs, settings: Settings
+) -> None:
+    """Same bytes from all sides: whatever is named is there, or its sender was told to send it again."""
+    end, found = time.monotonic() + 2.0, {"kept": 0, "refused": 0, "removed": 0, "lost": 0}
+
+    def ask() -> None:
+        while time.monotonic() < end:
+            sha256 = blobs.put_if_absent(b"the same")
+            with database.write() as conn:
+                if not blobs.exists(sha256):  # as Upload.check_kept
+                    found["refused"] += 1
+                    continue
+                task = tasks.enqueue(conn, "query", blob=sha256)
+            found["kept" if blobs.exists(sha256) else "lost"] += 1
+            with database.write() as conn:
+                found["lost"] += not blobs.exists(sha256)
+                tasks.cancel(conn, task.id)
+            found["removed"] += remove_unnamed(database, blobs, sha256, settings.sweep_grace_seconds)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found["kept"] and found["removed"] and not found["lost"], found

@@ -117,6 +117,20 @@ def test_a_stopped_job_is_put_back_without_blame(worker, monkeypatch):
     assert (found.state, found.crashes) == ("queued", 0)
 
 
+@pytest.mark.parametrize(("error", "kept"), [(NoFaces(), False), (StoppedError(), True)])
+def test_the_mesh_of_a_query_goes_with_the_end_of_its_task(worker, monkeypatch, error, kept):
+    def job(tools, claim):
+        worker.stop.request()
+        raise error
+
+    monkeypatch.setitem(main._JOBS, "query", job)
+    sha256 = worker._tools.blobs.put_if_absent(b"mesh")
+    with worker._database.write() as conn:
+        tasks.enqueue(conn, "query", blob=sha256)
+    worker.run(once=True)
+    assert worker._tools.blobs.exists(sha256) is kept
+
+
 def test_a_worker_that_is_never_idle_sweeps_too(worker, monkeypatch):
     swept = []
     monkeypatch.setattr(main.sweep, "sweep", lambda *_: swept.append(True))
