@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from reebase.errors import ParameterError
 from reebase.matching.explanation import Match, Pair, Unmatched
+from reebase.matching.features import LARGEST
 
 __all__ = ["as_charged", "charged_matrix", "match_charged"]
 
@@ -22,13 +23,17 @@ Array = npt.NDArray[np.float64]
 def as_charged(value: npt.ArrayLike, name: str = "endpoints") -> Array:
     """``value`` as endpoints with charges, C-contiguous float64, (k, w), w >= 2; the last column is the charge.
 
-    Raises ParameterError for another shape, numbers that are not finite, and charges that are not positive.
+    Raises ParameterError for another shape, numbers that are not finite or beyond ``LARGEST`` (the kernels rely on
+    it), and charges that are not positive.
     """
     rows = np.ascontiguousarray(value, dtype=np.float64)
     if rows.ndim != 2 or rows.shape[1] < 2:
         raise ParameterError(f"{name} must have shape (k, w) with w >= 2; found {rows.shape}.", parameter=name)
-    if not np.isfinite(rows).all() or not (rows[:, -1] > 0.0).all():
-        raise ParameterError(f"{name} must be finite, with positive charges in the last column.", parameter=name)
+    if not (np.abs(rows) <= LARGEST).all() or not (rows[:, -1] > 0.0).all():
+        raise ParameterError(
+            f"{name} must be between -{LARGEST:g} and {LARGEST:g}, with positive charges in the last column.",
+            parameter=name,
+        )
     return rows
 
 

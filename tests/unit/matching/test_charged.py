@@ -78,7 +78,7 @@ def test_two_that_have_nothing_in_common_stay_alone():
     assert found.dissimilarity == 0.5
 
 
-@pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0]], [[1.0, 0.0]], [[1.0, -1.0]], [[np.nan, 1.0]]])
+@pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0]], [[1.0, 0.0]], [[1.0, -1.0]], [[np.nan, 1.0]], [[1e200, 1.0]]])
 def test_refuses_what_are_no_endpoints_with_charges(bad):
     with pytest.raises(ParameterError):
         charged_matrix([bad])
