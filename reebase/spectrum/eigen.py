@@ -96,7 +96,7 @@ def eigenpairs(operator: Operator, k: int = 3) -> Spectrum:
     """The k eigenpairs with the smallest eigenvalues, the constant one included, at unit area.
 
     Deterministic: the same operator gives the same bits. Eigenvalues have a relative error of at most 1e-8, phi_2 one
-    of at most 1e-6 in the norm of R, and others as far as their eigenvalues are apart; where k is above ``WIDTH`` or
+    of at most 1e-5 in the norm of R, and others as far as their eigenvalues are apart; where k is above ``WIDTH`` or
     the operator does not know its mesh, the errors are near rounding.
     Raises ParameterError unless 1 <= k <= m, ComputationError when the matrix cannot be factorised, the iteration does
     not converge, or a residual is above ``RESIDUAL``.

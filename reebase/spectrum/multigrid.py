@@ -27,6 +27,9 @@ __all__ = ["WIDTH", "first_eigenpairs"]
 WIDTH = 4
 """Vectors in a block; the kernels are written out for it."""
 
+ROWS = 1024
+"""Rows that are combined at once: 100 kB."""
+
 COARSEST = 100
 """Up to so many vertices a level is solved densely."""
 
@@ -47,10 +50,10 @@ whose eigenvalues crowd, up to 25."""
 EIGENVALUE = 2e-9
 """Relative error of the wanted eigenvalues at which the iteration ends, as foreseen from the last two steps."""
 
-EIGENVECTORS = np.array([3e-8, 3e-5, 3e-5])
-"""Error of phi_2 and of those after it in the norm of R at which the iteration ends, foreseen likewise. That of phi_2
-keeps D between a shape and itself with its vertices in another order below 1e-6. The last ones have neighbours outside
-the block and are the slowest, and only their eigenvalues are read by default."""
+EIGENVECTORS = np.array([2e-6, 3e-5, 3e-5])
+"""Error of phi_2 and of those after it in the norm of R at which the iteration ends, foreseen likewise. Of a shape and
+itself with its vertices in another order D stays below 1e-4. The last ones have neighbours outside the block and are
+the slowest, and only their eigenvalues are read by default."""
 
 SEPARATION = 0.2
 """Least relative distance of eigenvalues that the foreseen error of an eigenvector is divided by. Where the guards are
@@ -93,6 +96,8 @@ def first_eigenpairs(C: csr_matrix, mass: Array, mesh: Mesh, count: int) -> tupl
     """
     from scipy.linalg import LinAlgError
 
+    from reebase.spectrum.multigrid_kernels import carry
+
     with np.errstate(all="ignore"):
         try:
             levels = _levels(C, mass, mesh)
@@ -100,8 +105,9 @@ def first_eigenpairs(C: csr_matrix, mass: Array, mesh: Mesh, count: int) -> tupl
                 return None
             eigenvalues, X = _coarsest(levels[-1])
             for level in levels[-2:0:-1]:
-                eigenvalues, X, _ = _refined(level, _carried(level, X), WIDTH, SWEEPS)
-            eigenvalues, X, converged = _refined(levels[0], _carried(levels[0], X), count, STEPS)
+                eigenvalues, X, _ = _refined(level, carry(level.column, level.weight, X), WIDTH, SWEEPS)
+            X = carry(levels[0].column, levels[0].weight, X)
+            eigenvalues, X, converged = _refined(levels[0], X, count, STEPS)
         except LinAlgError:
             return None
     return (eigenvalues[:count], X[:, :count]) if converged else None
@@ -150,15 +156,6 @@ def _coarsest(level: _Level) -> tuple[Array, Array]:
     return eigenvalues, y / root[:, None]
 
 
-def _carried(level: _Level, X: Array) -> Array:
-    """P X."""
-    from scipy.sparse import csr_matrix
-
-    m = len(level.mass)
-    rows = level.weight.ravel(), level.column.ravel(), np.arange(0, 3 * m + 1, 3, dtype=np.int32)
-    return np.asarray(csr_matrix(rows, shape=(m, len(X))) @ X)
-
-
 def _cycle(level: _Level, b: Single) -> Single:
     """One V-cycle for C x = b from x = 0: symmetric, and definite but for constants."""
     if level.coarser is None:
@@ -187,12 +184,10 @@ def _refined(level: _Level, X: Array, count: int, steps: int) -> tuple[Array, Ar
     m, w = len(level.mass), WIDTH
     matrix = level.pointers, level.indices, level.values, level.mass
     S, CS, RW = np.empty((m, 3 * w)), np.empty((m, 3 * w)), np.empty((m, w))
-    next_S, next_CS = np.empty_like(S), np.empty_like(CS)
-    image(*matrix, np.ascontiguousarray(X), next_S[:, :w], next_CS[:, :w], RW)
-    X = next_S[:, :w]
-    eigenvalues, Z = _ritz(X.T @ next_CS[:, :w], X.T @ RW)
-    np.matmul(X, Z, out=S[:, :w])
-    np.matmul(next_CS[:, :w], Z, out=CS[:, :w])
+    image(*matrix, X, S[:, :w], CS[:, :w], RW)
+    eigenvalues, Z = _ritz(S[:, :w].T @ CS[:, :w], S[:, :w].T @ RW)
+    _combine(S, Z)
+    _combine(CS, Z)
     G, H = np.zeros((3 * w, 3 * w)), np.zeros((3 * w, 3 * w))
     G[:w, :w], H[:w, :w] = np.diag(eigenvalues), np.eye(w)
     b = np.empty((m, w), np.float32)
@@ -205,7 +200,7 @@ def _refined(level: _Level, X: Array, count: int, steps: int) -> tuple[Array, Ar
         G[:size, new], H[:size, new] = S[:, :size].T @ CS[:, new], S[:, :size].T @ RW
         G[new, :size], H[new, :size] = G[:size, new].T, H[:size, new].T
         # r^T W, as W differs from T r by a constant, to which r is orthogonal
-        energy = np.einsum("ij,ij->j", b, S[:, new])[:count] / eigenvalues[:count]
+        energy = (np.diagonal(G[:w, new]) / eigenvalues - np.diagonal(H[:w, new]))[:count]
         apart = np.maximum(1.0 - eigenvalues[:count] / eigenvalues[-1], SEPARATION)
         before, error = error, np.sqrt(np.diagonal(H)[new][:count]) / apart
         shrink = np.minimum(error / before, 1.0)
@@ -213,14 +208,22 @@ def _refined(level: _Level, X: Array, count: int, steps: int) -> tuple[Array, Ar
         values, Z = _ritz(G[:size, :size], H[:size, :size])
         eigenvalues, both = values[:w], np.concatenate([Z[:, :w], Z[:, :w]], axis=1)
         both[:w, w:] = 0.0
-        np.matmul(S[:, :size], both, out=next_S[:, : 2 * w])
-        np.matmul(CS[:, :size], both, out=next_CS[:, : 2 * w])
+        _combine(S, both)
+        _combine(CS, both)
         kept = slice(0, 2 * w)
         G[kept, kept], H[kept, kept] = both.T @ G[:size, :size] @ both, both.T @ H[:size, :size] @ both
-        S, next_S, CS, next_CS, size = next_S, S, next_CS, CS, 2 * w
+        size = 2 * w
         if converged:
             break
     return eigenvalues, S[:, :w], converged
+
+
+def _combine(S: Array, Z: Array) -> None:
+    """The first columns of S become those times Z, a stretch of rows that stays in the cache after another."""
+    size, new = Z.shape
+    for begin in range(0, len(S), ROWS):
+        rows = S[begin : begin + ROWS]
+        rows[:, :new] = rows[:, :size] @ Z
 
 
 def _ritz(G: Array, H: Array) -> tuple[Array, Array]:

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["aggregate", "ascend", "coarse_operator", "coarse_triangles", "descend", "image", "interpolate", "residual"]
+__all__ = [
+    "aggregate", "ascend", "carry", "coarse_operator", "coarse_triangles", "descend", "image", "interpolate", "residual",
+]  # fmt: skip
 
 Float = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
@@ -382,6 +384,18 @@ def ascend(
         x[i, 1] += s1 * d
         x[i, 2] += s2 * d
         x[i, 3] += s3 * d
+
+
+@njit(cache=True, nogil=True)
+def carry(column: Int32, weight: Float, X: Float) -> Float:
+    """P X, (m, 4)."""
+    carried = np.zeros((len(column), 4))
+    for i in range(len(column)):
+        for corner in range(3):
+            k, w = column[i, corner], weight[i, corner]
+            for c in range(4):
+                carried[i, c] += w * X[k, c]
+    return carried
 
 
 @njit(cache=True, nogil=True)

@@ -18,9 +18,16 @@ Float = npt.NDArray[np.float64]
 Int32 = npt.NDArray[np.int32]
 
 TINY = np.finfo(np.float64).tiny
+CANCELLED = 1e-3  # share of the longest edge squared below which twice the area has lost digits to cancellation
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True)
+def _cross(ux: float, uy: float, uz: float, vx: float, vy: float, vz: float) -> float:
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True, nogil=True)
 def _triangle(vertices: Float, i: int, j: int, k: int) -> tuple[float, float, float, float, float]:
     """Products of the two edges that leave each corner, twice the area, longest edge squared."""
     xi, yi, zi = vertices[i, 0], vertices[i, 1], vertices[i, 2]
@@ -29,29 +36,16 @@ def _triangle(vertices: Float, i: int, j: int, k: int) -> tuple[float, float, fl
     ax, ay, az = xk - xj, yk - yj, zk - zj
     bx, by, bz = xi - xk, yi - yk, zi - zk
     cx, cy, cz = xj - xi, yj - yi, zj - zi
-    a, b, c = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, cx * cx + cy * cy + cz * cz
     gi, gj, gk = -(bx * cx + by * cy + bz * cz), -(cx * ax + cy * ay + cz * az), -(ax * bx + ay * by + az * bz)
-    # The cross product of the two shortest edges is the least cancelled one.
-    if a >= b and a >= c:
-        ax, ay, az = cx, cy, cz
-    elif b >= c:
-        bx, by, bz = cx, cy, cz
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return gi, gj, gk, math.sqrt(nx * nx + ny * ny + nz * nz), max(a, b, c)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _cells(gi: float, gj: float, gk: float, double_area: float) -> tuple[float, float, float]:
-    """The mixed Voronoi areas of the corners of a triangle."""
-    if gi < 0.0 or gj < 0.0 or gk < 0.0:
-        quarter, eighth = 0.25 * double_area, 0.125 * double_area
-        return quarter if gi < 0.0 else eighth, quarter if gj < 0.0 else eighth, quarter if gk < 0.0 else eighth
-    if double_area == 0.0:
-        return 0.0, 0.0, 0.0
-    # the products at its two ends sum to the squared length of an edge
-    share = 0.125 / double_area
-    si, sj, sk = (gj + gk) * gi * share, (gk + gi) * gj * share, (gi + gj) * gk * share
-    return sj + sk, sk + si, si + sj
+    a, b, c = gj + gk, gk + gi, gi + gj
+    longest = max(a, b, c)
+    double_area = _cross(ax, ay, az, bx, by, bz)
+    if double_area < CANCELLED * longest:  # the cross product of the two shortest edges is the least cancelled one
+        if a == longest:
+            double_area = _cross(bx, by, bz, cx, cy, cz)
+        elif b == longest:
+            double_area = _cross(cx, cy, cz, ax, ay, az)
+    return gi, gj, gk, double_area, longest
 
 
 @njit(cache=True, nogil=True)
@@ -88,7 +82,8 @@ def assemble(
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         gi, gj, gk, double_area, longest = _triangle(vertices, i, j, k)
         bad += double_area <= thin * longest
-        half = 0.5 / max(double_area, flat * longest, TINY)
+        inverse = 1.0 / max(double_area, flat * longest, TINY)
+        half = 0.5 * inverse
         v = min(j, k)
         at = cursor[v]
         other[at], weight[at], cursor[v] = max(j, k), gi * half, at + 1
@@ -98,10 +93,16 @@ def assemble(
         v = min(i, j)
         at = cursor[v]
         other[at], weight[at], cursor[v] = max(i, j), gk * half, at + 1
-        si, sj, sk = _cells(gi, gj, gk, double_area)
-        mass[i] += si
-        mass[j] += sj
-        mass[k] += sk
+        if min(gi, gj, gk) < 0.0:
+            mass[i] += (0.25 if gi < 0.0 else 0.125) * double_area
+            mass[j] += (0.25 if gj < 0.0 else 0.125) * double_area
+            mass[k] += (0.25 if gk < 0.0 else 0.125) * double_area
+        else:  # the products at its two ends sum to the squared length of an edge
+            share = 0.125 * inverse if double_area > 0.0 else 0.0
+            si, sj, sk = (gj + gk) * gi * share, (gk + gi) * gj * share, (gi + gj) * gk * share
+            mass[i] += sj + sk
+            mass[j] += sk + si
+            mass[k] += si + sj
     pointers, crowded = _merge(starts, cursor, other, weight)
     indices, values = _fill(pointers, starts, cursor, other, weight)
     return pointers, indices, values, mass, bad, crowded
@@ -115,7 +116,7 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
     """
     m = len(cursor)
     pointers = np.zeros(m + 1, np.int32)
-    sides = np.zeros(len(other), np.int8)
+    sides = np.empty(np.max(np.diff(starts)), np.int32)  # of each edge at v
     crowded = 0
     for v in range(m):
         begin = end = starts[v]
@@ -128,12 +129,13 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
                 place -= 1
             if place > begin and other[place - 1] == w:
                 weight[place - 1] += value
-                sides[place - 1] = min(sides[place - 1] + 1, 4)
-                crowded += sides[place - 1] == 3
+                sides[place - 1 - begin] += 1
+                crowded += sides[place - 1 - begin] == 3
                 continue
             for later in range(end, place, -1):
-                other[later], weight[later], sides[later] = other[later - 1], weight[later - 1], sides[later - 1]
-            other[place], weight[place], sides[place] = w, value, 1
+                other[later], weight[later] = other[later - 1], weight[later - 1]
+                sides[later - begin] = sides[later - 1 - begin]
+            other[place], weight[place], sides[place - begin] = w, value, 1
             end += 1
             pointers[w + 1] += 1
         cursor[v] = end

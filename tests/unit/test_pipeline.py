@@ -42,7 +42,7 @@ def test_four_arms_are_four_endpoints() -> None:
 def test_pose_scale_and_order_do_not_matter(profile: Profile) -> None:
     first = describe(sample(), profile)
     for seed in range(3):
-        assert dissimilarity(first.features, describe(disturbed(sample(), seed), profile).features) < 1e-6
+        assert dissimilarity(first.features, describe(disturbed(sample(), seed), profile).features) < 1e-4
 
 
 def test_the_stages_are_named_in_order_with_a_growing_fraction() -> None:

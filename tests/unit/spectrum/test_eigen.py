@@ -110,10 +110,10 @@ def test_deterministic_to_the_last_bit():
 
 @pytest.mark.parametrize(
     ("mesh", "dense", "digits"),
-    [(capsule(nu=7, nv=2, along=4), True, 7), (capsule(along=8, nv=4), False, 7), (capsule(), False, 6)],
+    [(capsule(nu=7, nv=2, along=4), True, 7), (capsule(along=8, nv=4), False, 7), (capsule(), False, 5)],
 )
 def test_invariant_to_motion_scale_and_order(mesh, dense, digits):
-    assert (len(mesh.vertices) <= DENSE) == dense and (len(mesh.vertices) >= MULTIGRID) == (digits == 6)
+    assert (len(mesh.vertices) <= DENSE) == dense and (len(mesh.vertices) >= MULTIGRID) == (digits == 5)
     expected = eigenpairs(operator(mesh))
     shuffled, order = permuted(mesh)
     for other, at in (
@@ -184,7 +184,7 @@ def test_multigrid_equals_the_factorisation_as_far_as_it_promises(name, kind, k)
     same = exact.eigenvectors[:, 1:][:, exact.eigenvalues[1:] < exact.eigenvalues[1] * (1 + 1e-6)]
     phi = found[1][:, 0]
     off = phi - same @ (same.T @ (mass * phi))
-    assert np.sqrt(mass @ off**2) < 1e-6
+    assert np.sqrt(mass @ off**2) < 1e-5
     np.testing.assert_allclose(found[1].T @ (mass[:, None] * found[1]), np.eye(k - 1), atol=1e-9)
     np.testing.assert_allclose(mass @ found[1], 0.0, atol=1e-9)
 
