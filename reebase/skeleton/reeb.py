@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import DegenerateMesh, MeshError, NoFaces, ParameterError
+from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError
 from reebase.mesh.mesh import Mesh
 from reebase.skeleton.graph import Skeleton
 
@@ -46,7 +46,8 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
     the value furthest from the middle of the range; ties take the larger ring; 0 for a slice without
     vertices.
 
-    Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError.
+    Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError, and
+    LimitError when the bands cut the faces into more than ``MAX_PIECES``.
     """
     if bands % 1 or not 2 <= bands <= MAX_BANDS:
         raise ParameterError(
@@ -67,6 +68,12 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
 
     u = _in_bands(values, bands)
     first, offset = kernels.cut_faces(u, mesh.faces, bands)
+    if offset[-1] > MAX_PIECES:
+        raise LimitError(
+            f"{bands} bands cut the {len(mesh.faces)} faces into {offset[-1]} pieces, more than {MAX_PIECES}: "
+            "take fewer bands, or denoise the mesh first.",
+            pieces=int(offset[-1]), maximum=MAX_PIECES,
+        )  # fmt: skip
     pairs, ends, parts = kernels.adjacent_faces(u, mesh.faces, first, offset)
     if parts > 1:
         raise MeshError(
@@ -96,6 +103,10 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
     root = int(np.argmin(np.linalg.norm(centroids[order] - centre, axis=1)))
     return Skeleton.assembled(centroids[order], areas[order], ring_areas[order], band[order], edges, root)
 
+
+MAX_PIECES = 40_000_000
+"""A piece takes about 25 bytes while the graph is made. A smooth field cuts a face about once; only noise as large as
+the whole shape comes near this."""
 
 MIN_AREA = 1e-190
 """Pieces without area count 1e-200 each, so that even their centroids are defined; that is no area."""

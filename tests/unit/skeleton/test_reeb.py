@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reebase.errors import DegenerateMesh, MeshError, NoFaces, ParameterError
+from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError
 from reebase.mesh.mesh import Mesh
 from reebase.skeleton import MAX_BANDS, Skeleton, reeb_graph
 from tests.oracles import reeb as oracle
@@ -319,3 +319,12 @@ def test_refuses_what_is_not_one_surface():
         reeb_graph(Mesh(np.zeros((3, 3)), np.empty((0, 3), int)), np.arange(3.0))
     with pytest.raises(DegenerateMesh):
         reeb_graph(Mesh(np.zeros((3, 3)), [[0, 1, 2]]), np.arange(3.0))
+
+
+def test_more_pieces_than_memory_should_hold_are_refused(monkeypatch):
+    mesh = icosphere(2)
+    heights = mesh.vertices[:, 2]
+    monkeypatch.setattr("reebase.skeleton.reeb.MAX_PIECES", len(mesh.faces))
+    assert len(reeb_graph(mesh, np.zeros(len(heights)), 16).positions) == 1  # one piece a face
+    with pytest.raises(LimitError, match="fewer bands"):
+        reeb_graph(mesh, heights, 64)
