@@ -57,7 +57,17 @@ def _print(text: str) -> None:
     Console(highlight=False, markup=False, soft_wrap=True).print(text)
 
 
-def _opened(settings: ServiceSettings) -> Database:
+def _opened(settings: ServiceSettings, *, any_schema: bool = False) -> Database:
+    """The database as it is. Raises UnsupportedDatabase when there is none, or its schema is not this version's."""
+    from store import migrate as migrations
+    from store.engine import Database
+
+    migrations.check(settings.database_url, any_schema=any_schema)
+    return Database(settings.database_url)
+
+
+def _renewed(settings: ServiceSettings) -> Database:
+    """The database, brought to this version."""
     from store import collections
     from store import migrate as migrations
     from store.engine import Database
@@ -127,7 +137,7 @@ def serve(
         settings = settings.model_copy(update={"allow_anonymous": True})
     configure(log_level)
     listener = _listen(settings.host, port)
-    database = _opened(settings)
+    database = _renewed(settings)
     try:
         guard = _check_keys(settings, database)
     finally:
@@ -204,12 +214,12 @@ def migrate() -> None:
 
 
 def backup(target: Annotated[Path, typer.Argument(help="A directory that is made.", metavar="DIR")]) -> None:
-    """Copy database and blobs while the service runs."""
+    """Copy database and blobs while the service runs; nothing is migrated."""
     from store.backup import backup as make
     from store.blobs import open_blobs
 
     settings = _settings()
-    database = _opened(settings)
+    database = _opened(settings, any_schema=True)
     try:
         manifest = make(database, open_blobs(settings), target)
     finally:

@@ -14,6 +14,8 @@ import hashlib
 import json
 import os
 import shutil
+import tempfile
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -125,12 +127,18 @@ def restore(source: Path, settings: Settings) -> Manifest:
 
 
 def _contents(path: Path) -> tuple[str, set[str]]:
-    copy = Database(sqlite_url(path))
-    try:
-        with copy.read() as conn:
-            return migrate.revision_of(conn) or "base", all_referenced(conn)
-    finally:
-        copy.close()
+    """The schema of a database, and the blobs that its rows name."""
+    with closing(Database(sqlite_url(path))) as copy, copy.read() as conn:
+        schema = migrate.revision_of(conn) or "base"
+        if migrate.is_current(conn):
+            return schema, all_referenced(conn)
+    # Which rows name blobs is known of this version's schema alone, so an older one is read as it would become.
+    with tempfile.TemporaryDirectory(dir=path.parent) as directory:
+        later = Path(directory) / path.name
+        shutil.copyfile(path, later)
+        migrate.upgrade(sqlite_url(later))
+        with closing(Database(sqlite_url(later))) as copy, copy.read() as conn:
+            return schema, all_referenced(conn)
 
 
 def _hash(path: Path) -> str:

@@ -1,7 +1,7 @@
 """Brings a database to the schema of this version, or back.
 
 ``upgrade(url, revision="head")``, ``downgrade(url, revision)``, ``current(url) -> str | None``,
-``head() -> str``, ``is_current(conn) -> bool``
+``head() -> str``, ``is_current(conn) -> bool``, ``check(url, *, any_schema=False)``
 
 All pending migrations are one transaction that locks other writers out: either all are applied or none,
 and two processes that start at once apply them once.
@@ -9,6 +9,7 @@ and two processes that start at once apply them once.
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 from alembic import command
@@ -20,7 +21,7 @@ from sqlalchemy import Connection
 from store.engine import Database, migration_connection, sqlite_path
 from store.errors import UnsupportedDatabase
 
-__all__ = ["current", "downgrade", "head", "is_current", "revision_of", "upgrade"]
+__all__ = ["check", "current", "downgrade", "head", "is_current", "revision_of", "upgrade"]
 
 _SCRIPTS = Path(__file__).resolve().parent.parent / "migrations"
 
@@ -48,6 +49,28 @@ def current(url: str) -> str | None:
 def is_current(conn: Connection) -> bool:
     """Whether the database has the schema of this version."""
     return revision_of(conn) == head()
+
+
+def check(url: str, *, any_schema: bool = False) -> None:
+    """Raises UnsupportedDatabase when there is no database, or one with another schema than this version's.
+
+    any_schema: an older one will do.
+    """
+    found = current(url)
+    if found is None:
+        raise UnsupportedDatabase(
+            f"There is no database at {sqlite_path(url)} yet: `reebase serve` or `reebase migrate` makes it."
+        )
+    if found == head():
+        return
+    with closing(Database(url)) as database, database.read() as conn:
+        _check_known(conn)
+    if not any_schema:
+        raise UnsupportedDatabase(
+            f"The database has schema {found}, this version needs {head()}: run `reebase migrate` first, "
+            "after a `reebase backup` if you may want to go back.",
+            found=found, needed=head(),
+        )  # fmt: skip
 
 
 def upgrade(url: str, revision: str = "head") -> None:

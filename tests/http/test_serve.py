@@ -14,8 +14,12 @@ from pathlib import Path
 
 import httpx
 import pytest
+from sqlalchemy import update
 
 from service.supervisor import Supervisor
+from store import collections, migrate, tables
+from store.engine import Database
+from store.settings import Settings
 from tests.http.serving import ROOT, Served, environment, whole_service
 from tests.http.test_main_job import indexed, uploaded
 from tests.shapes import capsule
@@ -143,6 +147,7 @@ def test_an_open_door_with_a_guard(tmp_path: Path, guard: str) -> None:
     headers: dict[str, str] = {}
     options = ["--host", "0.0.0.0", "--no-worker"]  # noqa: S104
     if guard == "key":
+        assert command(home, "migrate").returncode == 0
         made = command(home, "keys", "create", "--scope", "admin")
         assert re.fullmatch(r"rb_\S{40,}\n", made.stdout)
         headers = {"Authorization": f"Bearer {made.stdout.strip()}"}
@@ -158,6 +163,7 @@ def test_an_open_door_with_a_guard(tmp_path: Path, guard: str) -> None:
 
 
 def test_keys(tmp_path: Path) -> None:
+    assert command(tmp_path, "migrate").returncode == 0
     made = command(tmp_path, "keys", "create", "--scope", "read", "--name", "notebook")
     identity = re.search(r"[0-9a-f-]{36}", made.stderr)
     assert made.returncode == 0 and identity
@@ -183,6 +189,28 @@ def test_backup_and_restore(tmp_path: Path) -> None:
     with whole_service(tmp_path / "new", "--no-worker") as served, served.client() as client:
         assert client.get(f"{shape}/original").content == original
     assert command(tmp_path / "new", "restore", str(tmp_path / "copy")).returncode == 2
+
+
+@pytest.mark.parametrize("arguments", [["keys", "list"], ["keys", "create", "--scope", "read"], ["backup", "x"]])
+def test_only_serve_and_migrate_make_a_database(tmp_path: Path, arguments: list[str]) -> None:
+    refused = command(tmp_path / "home", *arguments)
+    assert refused.returncode == 2
+    assert "no database" in refused.stderr and "migrate" in refused.stderr and "Traceback" not in refused.stderr
+    assert not (tmp_path / "home" / "reebase.sqlite").exists()
+
+
+def test_keys_and_backup_queue_nothing_again(tmp_path: Path) -> None:
+    settings = Settings(home=tmp_path / "home")
+    migrate.upgrade(settings.database_url)
+    database = Database(settings.database_url)
+    with database.write() as conn:
+        collections.create(conn, "a")
+        conn.execute(update(tables.collection).values(profile_key="of another version"))
+    assert command(settings.home, "keys", "list").returncode == 0
+    assert command(settings.home, "backup", str(tmp_path / "copy")).returncode == 0
+    with database.read() as conn:
+        assert collections.get(conn, "a").profile_key == "of another version"
+    database.close()
 
 
 def test_migrate(tmp_path: Path) -> None:

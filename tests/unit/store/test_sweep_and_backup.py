@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ from store.errors import (
     StaleClaim,
     TargetNotEmpty,
     TaskNotFound,
+    UnsupportedDatabase,
 )
 from store.idempotency import Request
 from store.records import Collection, Shape, Task
@@ -372,3 +374,35 @@ def test_uploads_that_race_with_the_end_of_queries_never_lose_what_they_named(
     for thread in threads:
         thread.join()
     assert found["kept"] and found["removed"] and not found["lost"], found
+
+
+LATER = """
+from alembic import op
+
+revision, down_revision, branch_labels, depends_on = "0002", "0001", None, None
+
+
+def upgrade() -> None:
+    op.execute("ALTER TABLE evaluation RENAME COLUMN picture TO matrix_sha256")
+"""
+
+
+def test_an_older_schema_is_backed_up_as_it_is_and_migrated_when_restored(
+    database: Database, blobs: LocalBlobs, full: dict[str, str], settings: Settings, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    with database.write() as conn:
+        conn.exec_driver_sql("ALTER TABLE evaluation RENAME COLUMN matrix_sha256 TO picture")
+    shutil.copytree(migrate._SCRIPTS, tmp_path / "migrations")
+    (tmp_path / "migrations" / "versions" / "0002_later.py").write_text(LATER)
+    monkeypatch.setattr(migrate, "_SCRIPTS", tmp_path / "migrations")
+    with pytest.raises(UnsupportedDatabase, match=r"run `.* migrate`"):
+        migrate.check(settings.database_url)
+    migrate.check(settings.database_url, any_schema=True)
+    made = backup(database, blobs, tmp_path / "backup")
+    assert (made.schema, set(made.blobs)) == ("0001", set(full.values()))
+    assert migrate.current(settings.database_url) == "0001"
+    assert [path.name for path in (tmp_path / "backup").iterdir() if path.is_dir()] == ["blobs"]
+    there = Settings(home=tmp_path / "elsewhere")
+    restore(tmp_path / "backup", there)
+    assert migrate.current(there.database_url) == "0002"
