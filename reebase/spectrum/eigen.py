@@ -51,11 +51,15 @@ that follows it takes the eigenvector further by a factor of about mu over the n
 GUARD = 1
 """Vectors in a block beyond those wanted, so that an eigenvalue close to the last wanted one does not hold it up."""
 
-WIDEST = 12
-"""Vectors in a block at most; wider ones cost more solves than they save."""
+WIDEST = 4
+"""Vectors in a block at most: as many copies of a multiple eigenvalue as it finds at once. Wider ones need more solves;
+with one vector a solve costs twice as much, and copies come of rounding alone."""
+
+EVERY = 3
+"""Blocks between two looks at the residuals, which cost as much as a block, once there are more than a few."""
 
 STEPS = 100
-"""Blocks after which Lanczos gives up, beyond those that the wanted vectors fill; it needs about ten."""
+"""Blocks after which Lanczos gives up, beyond those that the wanted vectors fill four times; it needs about ten."""
 
 Array = npt.NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -186,32 +190,31 @@ def _lanczos(solve: Solve, root: Array, count: int) -> tuple[Array, Array]:
 
     m = len(root)
     width = min(count + GUARD, WIDEST)
-    limit = min(m - 1, STEPS * width + 2 * count)
-    basis, H = np.empty((m, limit), order="F"), np.zeros((limit, limit))
+    limit = min(m - 1, STEPS * width + 4 * count)
+    basis, H = np.empty((limit, m)), np.zeros((limit, limit))
     block = np.random.default_rng(0).standard_normal((m, width))
     block = np.linalg.qr(block - np.outer(root, root @ block))[0]
-    size, due, residual = 0, count, np.inf
+    size, step, residual = 0, 0, np.inf
     while size + width <= limit:
         new = slice(size, size + width)
-        basis[:, new] = block
+        basis[new] = block.T
         image = root[:, None] * solve(root[:, None] * block)
         image -= np.outer(root, root @ image)
-        size += width
-        V = basis[:, :size]
-        H[:size, new] = V.T @ image
+        size, step = size + width, step + 1
+        V = basis[:size]
+        H[:size, new] = V @ image
         H[new, :size] = H[:size, new].T
-        block, R = np.linalg.qr(image - V @ H[:size, new])
-        block, again = np.linalg.qr(block - V @ (V.T @ block))
-        if size < due and size + width <= limit:
+        block, R = np.linalg.qr(image - V.T @ H[:size, new])
+        block, again = np.linalg.qr(block - V.T @ (V @ block))
+        last = size + width > limit
+        if size < count or (size > EVERY * WIDEST and step % EVERY and not last):
             continue
-        # The test costs size^3, the step that it might save only m size: not after each when there are many.
-        due = size + max(width, size // 6)
         mu, s = eigh(H[:size, :size], subset_by_index=[size - count, size - 1])
         residual = float((np.linalg.norm(again @ R @ s[-width:], axis=0) / mu).max())
         if residual <= CONVERGED:
-            return mu, V @ s
+            return mu, V.T @ s
     raise ComputationError(
-        f"The eigenpairs did not converge in {size // width} steps; the relative residual is {residual:.1e}.",
+        f"The eigenpairs did not converge in {step} steps; the relative residual is {residual:.1e}.",
         residual=residual,
     )
 

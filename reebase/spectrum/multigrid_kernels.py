@@ -10,7 +10,8 @@ import numpy.typing as npt
 from numba import njit
 
 __all__ = [
-    "aggregate", "ascend", "carry", "coarse_operator", "coarse_triangles", "descend", "image", "interpolate", "residual",
+    "aggregate", "ascend", "carry", "coarse_operator", "coarse_triangles", "descend", "image", "interpolate",
+    "residual",
 ]  # fmt: skip
 
 Float = npt.NDArray[np.float64]
