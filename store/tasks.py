@@ -37,8 +37,8 @@ from store.tables import shape as shape_table
 from store.tables import task as table
 
 __all__ = [
-    "DatabaseQueue", "TaskQueue", "cancel", "cancel_live", "cancelled", "describe_anew", "enqueue", "fail", "get",
-    "list_page", "release_all", "retry", "succeed", "task_of_row",
+    "DatabaseQueue", "Heartbeat", "TaskQueue", "cancel", "cancel_live", "cancelled", "describe_anew", "enqueue", "fail",
+    "get", "list_page", "release_all", "retry", "succeed", "task_of_row",
 ]  # fmt: skip
 
 Heartbeat = Literal["ok", "cancel", "lost"]

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import select
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 import structlog
 
-from store.errors import StoreBusy
+from store.errors import StorageFull, StoreBusy
 from store.records import Task
-from store.tasks import TaskQueue
+from store.tasks import Heartbeat, TaskQueue
 
 __all__ = ["CancelledError", "Claim", "LostError", "Stop", "StoppedError"]
 
@@ -85,16 +88,46 @@ class Claim:
         if self.stop.overdue:
             raise StoppedError
         now = time.monotonic()
-        if now - self._beaten < min(self.lease_seconds / 3, _MOST_BETWEEN_HEARTBEATS):
+        if now - self._beaten < self._interval:
             return
         self._beaten = now
-        try:
-            answer = self.queue.heartbeat(self.task, self.stage, self.fraction)
-        except StoreBusy as error:
-            # The lease is several heartbeats long; if none gets through, the claim is lost by itself.
-            _log.warning("heartbeat_failed", task=self.task.id, error=error.message)
-            return
+        answer = self._beat()
         if answer == "cancel":
             raise CancelledError
         if answer == "lost":
             raise LostError
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Heartbeats from another thread while this one waits for a disk, which may take longer than the lease.
+
+        Raises what ``tick`` raises once it is done: until then nobody hears of a cancellation.
+        """
+        done = threading.Event()
+
+        def beat() -> None:
+            with suppress(StorageFull):  # the work itself meets that
+                while not done.wait(self._interval):
+                    self._beat()
+
+        thread = threading.Thread(target=beat, name="heartbeat", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+        self.tick()
+
+    @property
+    def _interval(self) -> float:
+        return min(self.lease_seconds / 3, _MOST_BETWEEN_HEARTBEATS)
+
+    def _beat(self) -> Heartbeat | None:
+        """The answer to a heartbeat, None when it did not get through."""
+        try:
+            return self.queue.heartbeat(self.task, self.stage, self.fraction)
+        except StoreBusy as error:
+            # The lease is several heartbeats long; if none gets through, the claim is lost by itself.
+            _log.warning("heartbeat_failed", task=self.task.id, error=error.message)
+            return None

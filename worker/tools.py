@@ -55,9 +55,10 @@ class Tools:
         arguments = {"format": format, "profile": profile, "limits": limits}
         with tempfile.TemporaryFile() as file:
             # A copy, because a blob may lie elsewhere, and because its hash is verified on the way.
-            for piece in [source] if isinstance(source, bytes) else self.blobs.stream(source):
-                file.write(piece)
-            file.seek(0)
+            with claim.kept():
+                for piece in [source] if isinstance(source, bytes) else self.blobs.stream(source):
+                    file.write(piece)
+                file.seek(0)
             with self.sandbox.run(
                 "describe", arguments, file, ("description", *outputs),
                 progress=claim.progress if progress else None, tick=claim.tick,

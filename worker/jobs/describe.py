@@ -23,8 +23,9 @@ def run(tools: Tools, claim: Claim) -> None:
     ) as finished:
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
-        cleaned = tools.blobs.put_if_absent(pieces(finished.files["cleaned"]))
-        denoised = tools.blobs.put_if_absent(pieces(finished.files["denoised"]))
+        with claim.kept():
+            cleaned = tools.blobs.put_if_absent(pieces(finished.files["cleaned"]))
+            denoised = tools.blobs.put_if_absent(pieces(finished.files["denoised"]))
     faults.point("worker.blobs_stored")
     with tools.database.write() as conn:
         results.store_description(conn, task, description, cleaned_sha256=cleaned, denoised_sha256=denoised)

@@ -60,7 +60,8 @@ def run(tools: Tools, claim: Claim) -> None:
     ) as finished:  # fmt: skip
         faults.point("worker.child_done")
         report = json.loads(finished.files["report"].read())
-        matrix = tools.blobs.put_if_absent(pieces(finished.files["matrix"]))
+        with claim.kept():
+            matrix = tools.blobs.put_if_absent(pieces(finished.files["matrix"]))
     faults.point("worker.blobs_stored")
     report = {
         **report, "measure": arguments["measure"], "profile": profile.to_json(), "failed": found.failed,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -89,6 +90,22 @@ def test_a_stop_gives_what_runs_its_grace_and_a_second_one_takes_it(clock):
     stop.request()
     stop.request()
     assert stop.overdue
+
+
+def test_a_disk_that_is_slower_than_the_lease_keeps_the_claim():
+    queue = Queue(StoreBusy(), *["ok"] * 99)
+    with Claim(TASK, queue, Stop(), lease_seconds=0.03).kept():
+        time.sleep(0.3)
+    assert len(queue.beats) > 2
+    beats = len(queue.beats)
+    time.sleep(0.05)
+    assert len(queue.beats) == beats
+
+
+def test_a_claim_that_was_lost_while_a_disk_was_slow_ends_the_work():
+    claim = Claim(TASK, Queue(*["lost"] * 99), Stop(), lease_seconds=0.03)
+    with pytest.raises(LostError), claim.kept():
+        time.sleep(0.1)
 
 
 def test_the_end_of_the_lifeline_is_a_request_to_stop():

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import threading
+import time
+from types import SimpleNamespace
 
 import pytest
 
 from reebase.errors import NoFaces
-from store import collections, migrate, shapes, tasks
+from store import collections, evaluations, migrate, shapes, tasks
 from store.errors import ProfileChanged, StorageFull, StoreBusy, UnsupportedDatabase
 from store.settings import Settings
 from worker import main
 from worker.claim import CancelledError, LostError, Stop, StoppedError
+from worker.jobs import describe
 from worker.main import Worker, await_schema
 from worker.sandbox import ChildError, Sandbox, SandboxError
 
@@ -129,6 +134,40 @@ def test_the_mesh_of_a_query_goes_with_the_end_of_its_task(worker, monkeypatch, 
         tasks.enqueue(conn, "query", blob=sha256)
     worker.run(once=True)
     assert worker._tools.blobs.exists(sha256) is kept
+
+
+@pytest.mark.parametrize("computation", ["describe", "evaluate"])
+def test_results_that_are_written_slowly_keep_the_claim(worker, monkeypatch, computation):
+    """Every blob takes longer to write than the lease lasts; the child is left out."""
+    finished = SimpleNamespace(files=dict.fromkeys(["cleaned", "denoised", "description", "report", "matrix"]))
+    finished.files["report"] = io.BytesIO(b"{}")
+    another = []
+
+    def put_if_absent(pieces):
+        time.sleep(1.5)
+        another.append(worker._queue.claim("another"))
+        return "1" * 64
+
+    @contextlib.contextmanager
+    def run(*_, **__):
+        yield finished
+
+    monkeypatch.setattr(worker._queue, "_lease", 1.2)
+    monkeypatch.setattr(worker._tools.blobs, "put_if_absent", put_if_absent)
+    monkeypatch.setattr(type(worker._tools), "described", run)
+    monkeypatch.setattr(worker._sandbox, "run", run)
+    monkeypatch.setattr(describe.Description, "load", lambda _: None)
+    monkeypatch.setattr(describe.results, "store_description", lambda conn, task, *_, **__: tasks.succeed(conn, task))
+    task = queued(worker)
+    if computation == "evaluate":
+        with worker._database.write() as conn:
+            tasks.cancel(conn, task.id)
+            params = {"measure": "matching"}
+            task = evaluations.create(conn, params=params, collection_id=task.collection_id).task
+    worker.run(once=True)
+    with worker._database.read() as conn:
+        assert tasks.get(conn, task.id).state == "succeeded"
+    assert set(another) == {None}
 
 
 def test_a_worker_that_is_never_idle_sweeps_too(worker, monkeypatch):
