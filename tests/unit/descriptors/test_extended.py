@@ -57,16 +57,18 @@ def test_a_constant_has_one_maximum():
     assert (found.vertices.tolist(), found.persistence.tolist()) == ([0], [0.0])
 
 
+def arms_of(tips: np.ndarray) -> list[int]:
+    """The arms in whose directions the tips lie, ascending."""
+    axes = np.abs(tips).argmax(axis=1)
+    return sorted((2 * axes + (tips[np.arange(len(tips)), axes] < 0)).tolist())
+
+
 @pytest.mark.parametrize("arms", [2, 3, 4, 5, 6])
 def test_every_limb_ends_in_one_endpoint(arms):
     mesh = star(arms)
     found = endpoints(Surface(mesh))
-    centre = (mesh.vertices.max(axis=0) + mesh.vertices.min(axis=0)) / 2 if arms == 6 else np.full(3, 13.0)
-    tips = mesh.vertices[found.vertices] - centre
-    assert len(tips) == arms
-    # One endpoint in the direction of each arm, near its end.
-    directions = {(int(np.argmax(np.abs(tip))), bool(tip[np.argmax(np.abs(tip))] > 0)) for tip in tips}
-    assert directions == {(arm // 2, arm % 2 == 0) for arm in range(arms)}
+    tips = mesh.vertices[found.vertices] - 13.0
+    assert arms_of(tips) == list(range(arms))
     assert (np.abs(tips).max(axis=1) > 11).all()
     assert (found.persistence > 5 * LEAST).all()
 
@@ -97,5 +99,6 @@ def test_endpoints_follow_the_shape():
     mesh = star(4)
     turned, order = permuted(moved(mesh, (1, 2, 3), scale=0.01, seed=3), seed=5)
     first, second = endpoints(Surface(mesh)), endpoints(Surface(turned))
-    np.testing.assert_allclose(first.persistence, second.persistence, atol=1e-8)
-    assert len(set(order[second.vertices]) - set(range(len(mesh.vertices)))) == 0
+    # The last eigenvalue read may be one of several equal ones, and any of their eigenvectors will do.
+    np.testing.assert_allclose(first.persistence, second.persistence, atol=1e-3)
+    assert arms_of(mesh.vertices[order[second.vertices]] - 13.0) == [0, 1, 2, 3]
