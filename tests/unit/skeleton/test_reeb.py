@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -324,7 +326,7 @@ def test_refuses_what_is_not_one_surface():
 def test_more_pieces_than_memory_should_hold_are_refused(monkeypatch):
     mesh = icosphere(2)
     heights = mesh.vertices[:, 2]
-    monkeypatch.setattr("reebase.skeleton.reeb.MAX_PIECES", len(mesh.faces))
+    monkeypatch.setattr(import_module("reebase.skeleton.reeb"), "MAX_PIECES", len(mesh.faces))
     assert len(reeb_graph(mesh, np.zeros(len(heights)), 16).positions) == 1  # one piece a face
     with pytest.raises(LimitError, match="fewer bands"):
         reeb_graph(mesh, heights, 64)
