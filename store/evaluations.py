@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from sqlalchemy import Connection, Select, select
+from sqlalchemy import Connection, Select, null, select
 from sqlalchemy import delete as delete_from
 from sqlalchemy import update as update_rows
 
@@ -29,6 +29,8 @@ from store.tables import evaluation as table
 from store.tables import task as task_table
 
 __all__ = ["complete", "create", "delete", "get", "list_page", "matrix_of", "matrix_rows", "of_task"]
+
+_LARGE = ("report", "items")
 
 
 def create(conn: Connection, *, params: Mapping[str, Any], collection_id: str | None = None) -> Evaluation:
@@ -56,8 +58,9 @@ def of_task(conn: Connection, task_id: str) -> Evaluation:
 def list_page(
     conn: Connection, *, limit: int = 100, cursor: str | None = None, collection_id: str | None = None
 ) -> Page[Evaluation]:
-    """Newest first. Raises InvalidCursor."""
-    query = select(table)
+    """Newest first, without report and items: a page of them would have no bound. Raises InvalidCursor."""
+    kept = (column for column in table.c if column.name not in _LARGE)
+    query = select(*kept, *(null().label(name) for name in _LARGE))
     if collection_id is not None:
         query = query.where(table.c.collection_id == collection_id)
     if cursor is not None:

@@ -174,7 +174,7 @@ class StoredHealth:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """An evaluation and its task; ``report`` and ``items`` are None until it succeeded.
+    """An evaluation and its task; ``report`` and ``items`` are None until it succeeded, and in lists.
 
     items: the rows of the matrix in order, each ``{"id", "name", "label"}``.
     """

@@ -40,6 +40,7 @@ class Settings(BaseSettings):
     max_tag_length: int = Field(64, ge=1)
     max_metadata_bytes: int = Field(16 * _KIB, ge=2)
     max_batch: int = Field(100, ge=1)
+    max_batch_hits: int = Field(5000, ge=1)
 
     # Tasks.
     lease_seconds: float = Field(30.0, gt=0)

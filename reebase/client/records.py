@@ -195,7 +195,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """An evaluation and its task. report: None until that succeeded."""
+    """An evaluation and its task. report: None until that succeeded, and in lists."""
 
     id: str
     task: Task
@@ -222,6 +222,7 @@ class ServiceLimits:
     max_json_bytes: int
     max_k: int
     max_batch: int
+    max_batch_hits: int
     max_page: int
     max_wait_seconds: float
     max_name_length: int

@@ -78,7 +78,7 @@ def create_evaluation(
 def list_evaluations(
     here: Here, principal: Reader, limit: PageSize = 20, cursor: Cursor = None
 ) -> PageOf[EvaluationValue]:
-    """All evaluations that the key may see."""
+    """All evaluations that the key may see, without their reports."""
     with here.database.read() as conn:
         page = evaluations.list_page(conn, limit=limit, cursor=cursor, collection_id=principal.collection_id)
         return PageOf(items=[evaluation_value(conn, one) for one in page.items], next=page.next)

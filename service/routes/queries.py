@@ -163,6 +163,11 @@ def query_batch(
     if len(body.queries) > limit:
         detail = f"queries: there are {len(body.queries)}; at most {limit} are allowed"
         raise InvalidRequest([{"detail": detail, "code": "too_many", "pointer": "/queries"}])
+    # A query that asks for more than max_k is refused by itself, and so has no hits.
+    hits, most = sum(q.k for q in body.queries if q.k <= here.settings.max_k), here.settings.max_batch_hits
+    if hits > most:
+        detail = f"queries: they ask for {hits} hits together (the sum of k); at most {most} are allowed in a batch"
+        raise InvalidRequest([{"detail": detail, "code": "too_many", "pointer": "/queries"}])
     return BatchValue.model_validate(
         {"results": [_one(request, here, collection, i, q) for i, q in enumerate(body.queries)]}
     )

@@ -21,6 +21,7 @@ class LimitsValue(Value):
     max_json_bytes: int
     max_k: int
     max_batch: int
+    max_batch_hits: int
     max_page: int
     max_wait_seconds: float
     max_name_length: int

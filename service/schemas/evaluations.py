@@ -80,7 +80,7 @@ class EvaluationValue(Value):
     task: TaskValue
     request: dict[str, Any]
     report: dict[str, Any] | None = Field(
-        description="overall, per_class, precision_recall and intervals; null until it succeeded."
+        description="overall, per_class, precision_recall and intervals; null until it succeeded, and in lists."
     )
     matrix: str | None = Field(description="Address of the dissimilarity matrix.")
     created_at: Moment

@@ -40,7 +40,7 @@ class QueryBody(QueryParameters):
 
 
 class BatchBody(Body):
-    """Several queries by shape; /v1/limits has the largest number."""
+    """Several queries by shape; /v1/limits has the largest number, and the largest sum of their k."""
 
     queries: list[QueryBody] = Field(min_length=1)
 

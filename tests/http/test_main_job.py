@@ -195,6 +195,12 @@ def test_a_batch(http: httpx.Client, zoo: dict[str, str]) -> None:
     alone = http.post(f"{zoo['']}/query", json=queries[0]).json()
     assert results[0]["answer"]["hits"] == alone["hits"]
     is_problem(http.post(f"{zoo['']}/queries", json={"queries": queries[:1] * 101}), 422, "validation_error")
+    assert http.get("/v1/limits").json()["max_batch_hits"] == 5000
+    hungry = [{"shape": "absent", "k": 1000}]
+    too_hungry = http.post(f"{zoo['']}/queries", json={"queries": [*hungry * 5, queries[-1]]})
+    is_problem(too_hungry, 422, "validation_error")
+    assert "5001 hits" in too_hungry.json()["detail"] and "5000" in too_hungry.json()["detail"]
+    assert http.post(f"{zoo['']}/queries", json={"queries": hungry * 5}).status_code == 200
 
 
 WRONG = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import os
@@ -181,11 +182,14 @@ def test_old_queries_keys_and_tombstones_go(
 
 def test_evaluations(database: Database, blobs: LocalBlobs, full: dict[str, str], collection: Collection) -> None:
     with database.write() as conn:
-        done = evaluations.list_page(conn, collection_id=collection.id).items[0]
+        listed = evaluations.list_page(conn, collection_id=collection.id).items[0]
+        done = evaluations.get(conn, listed.id)
         waiting = evaluations.create(conn, params={"synthetic": {"seed": 1}})
         assert [e.id for e in evaluations.list_page(conn, limit=1).items] == [waiting.id]
         cursor = evaluations.list_page(conn, limit=1).next
-        assert evaluations.list_page(conn, limit=1, cursor=cursor).items == (done,)
+        assert evaluations.list_page(conn, limit=1, cursor=cursor).items == (listed,)
+    assert listed == dataclasses.replace(done, report=None, items=None) and done.report is not None
+    with database.write() as conn:
         assert evaluations.of_task(conn, waiting.task.id) == waiting
     assert (done.report, done.task.state, done.task.result) == (
         {"map": 0.5}, "succeeded", {"evaluation": done.id},
