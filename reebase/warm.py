@@ -74,12 +74,16 @@ def main() -> None:
     """Warm the cache, saying what is being compiled."""
     start = time.perf_counter()
 
+    before, after = ("\r", "") if sys.stderr.isatty() else ("", "\n")
+
     def say(stage: str, _: float) -> None:
-        sys.stderr.write(f"\rReebase: compiling the kernels (once): {stage:<32} {time.perf_counter() - start:4.0f} s")
+        seconds = time.perf_counter() - start
+        sys.stderr.write(f"{before}Reebase: compiling the kernels (once): {stage:<32} {seconds:4.0f} s{after}")
         sys.stderr.flush()
 
     warm(say)
-    sys.stderr.write(f"\rReebase: the kernels are compiled and kept ({time.perf_counter() - start:.0f} s).{' ' * 30}\n")
+    done = f"Reebase: the kernels are compiled and kept ({time.perf_counter() - start:.0f} s)."
+    sys.stderr.write(f"{before}{done:<80}".rstrip(" " if after else "") + "\n")
 
 
 if __name__ == "__main__":

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.table import Table
+
+from reebase.words import counted, program
 
 if TYPE_CHECKING:
     from service.settings import ServiceSettings
@@ -21,6 +24,10 @@ __all__ = ["extend"]
 
 keys = typer.Typer(help="API keys: who may do what.", no_args_is_help=True)
 
+LAUNCHER = "./run"
+"""What the launcher of a checkout calls itself; it has commands of its own."""
+
+LogLevel = Literal["debug", "info", "warning", "error"]
 Port = Annotated[int, typer.Option(help="0 for any free one.", min=0, max=65535, envvar="REEBASE_PORT")]
 
 
@@ -33,6 +40,8 @@ def extend(app: typer.Typer) -> None:
         handed_on = {"allow_extra_args": True, "ignore_unknown_options": True} if command is worker else None
         app.command(context_settings=handed_on)(command)
     app.add_typer(keys, name="keys")
+    if program() == LAUNCHER:
+        app.info.epilog = f"Also: {LAUNCHER} test [ARGS], the tests; {LAUNCHER} python [ARGS], the interpreter."
 
 
 def _settings() -> ServiceSettings:
@@ -55,6 +64,12 @@ def _say(text: str) -> None:
 
 def _print(text: str) -> None:
     Console(highlight=False, markup=False, soft_wrap=True).print(text)
+
+
+def _tell(text: str) -> None:
+    """As _say, when whoever read it may be gone and that must not matter."""
+    with contextlib.suppress(OSError):
+        print(text, file=sys.stderr, flush=True)  # noqa: T201
 
 
 def _opened(settings: ServiceSettings, *, any_schema: bool = False) -> Database:
@@ -111,8 +126,8 @@ def _check_keys(settings: ServiceSettings, database: Database) -> str:
     _say(
         f"reebase: there is no API key, and {settings.host} can be reached from other machines, so nobody could "
         "use the service and nobody should without a key.\n"
-        "Make one:            reebase keys create --scope admin\n"
-        "or, if others guard: reebase serve --allow-anonymous"
+        f"Make one:            {program()} keys create --scope admin\n"
+        f"or, if others guard: {program()} serve --allow-anonymous"
     )
     raise typer.Exit(1)
 
@@ -125,7 +140,10 @@ def serve(
     allow_anonymous: Annotated[
         bool, typer.Option("--allow-anonymous", help="Need no API keys on any address.")
     ] = False,
-    log_level: Annotated[str, typer.Option(help="debug, info, warning or error.")] = "info",
+    log_level: Annotated[
+        LogLevel | None,
+        typer.Option(help="At info, each request and task is a line.", show_default="warning in a terminal, else info"),
+    ] = None,
 ) -> None:
     """Start the API, a page at / and the worker; Ctrl-C stops them in order."""
     from service.logs import configure
@@ -135,7 +153,8 @@ def serve(
         settings = settings.model_copy(update={"host": host})
     if allow_anonymous:
         settings = settings.model_copy(update={"allow_anonymous": True})
-    configure(log_level)
+    level = log_level or ("warning" if sys.stderr.isatty() else "info")
+    configure(level)
     listener = _listen(settings.host, port)
     database = _renewed(settings)
     try:
@@ -144,7 +163,7 @@ def serve(
         database.close()
     count = 0 if no_worker else workers
     _announce(settings, listener.getsockname()[1], guard, count)
-    _run(settings, listener, count)
+    _run(settings, listener, count, level)
 
 
 def _announce(settings: ServiceSettings, port: int, guard: str, workers: int) -> None:
@@ -158,10 +177,12 @@ def _announce(settings: ServiceSettings, port: int, guard: str, workers: int) ->
     _print(f"  guards    {guard}; each mesh in a process of its own, with limits (the worker's log says which)")
     _print(f"  workers   {workers or 'none here'}")
     _print(f"  address   http://{name}:{port}")
+    here = "127.0.0.1" if settings.host in ("0.0.0.0", "::") else name  # noqa: S104 - no address to go to
+    _print(f"Open http://{here}:{port} in a browser; Ctrl-C stops it.")
     sys.stdout.flush()
 
 
-def _run(settings: ServiceSettings, listener: socket.socket, workers: int) -> None:
+def _run(settings: ServiceSettings, listener: socket.socket, workers: int, log_level: str) -> None:
     """Serve until SIGTERM or SIGINT: then the API finishes what it answers, and the workers stop after it."""
     import uvicorn
 
@@ -175,6 +196,10 @@ def _run(settings: ServiceSettings, listener: socket.socket, workers: int) -> No
             app.state.stopping.set()  # requests that wait for a task answer now
             super().handle_exit(sig, frame)  # type: ignore[arg-type]
 
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            _tell("Stopping: first what is being answered, then the workers ...")
+            await super().shutdown(sockets)
+
     server = Server(
         uvicorn.Config(
             app, log_config=None, access_log=False, server_header=False, timeout_graceful_shutdown=10,
@@ -185,12 +210,13 @@ def _run(settings: ServiceSettings, listener: socket.socket, workers: int) -> No
     # and that must not end us before the workers.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: setattr(server, "should_exit", True))
-    supervisor = Supervisor(workers)
+    supervisor = Supervisor(workers, log_level)
     supervisor.start()
     try:
         server.run(sockets=[listener])
     finally:
         supervisor.stop()
+        _tell("Stopped.")
     if not server.started:
         raise typer.Exit(1)
 
@@ -224,7 +250,7 @@ def backup(target: Annotated[Path, typer.Argument(help="A directory that is made
         manifest = make(database, open_blobs(settings), target)
     finally:
         database.close()
-    _print(f"{target}: database and {len(manifest.blobs)} blobs, {sum(manifest.blobs.values())} bytes")
+    _print(f"{target}: database and {counted(len(manifest.blobs), 'blob')}, {sum(manifest.blobs.values())} bytes")
 
 
 def restore(source: Annotated[Path, typer.Argument(help="A backup.", metavar="DIR")]) -> None:
@@ -233,7 +259,7 @@ def restore(source: Annotated[Path, typer.Argument(help="A backup.", metavar="DI
 
     settings = _settings()
     manifest = put_back(source, settings)
-    _print(f"{settings.home}: restored the backup of {manifest.created}, {len(manifest.blobs)} blobs")
+    _print(f"{settings.home}: restored the backup of {manifest.created}, {counted(len(manifest.blobs), 'blob')}")
 
 
 @keys.command("create")

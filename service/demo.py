@@ -22,6 +22,7 @@ from reebase.cli.output import Steps, check_picture, notices, progress, results,
 from reebase.cli.query import print_answer
 from reebase.client import Answer, Client, Shape
 from reebase.errors import ComputationError, ParameterError
+from reebase.words import program
 from store.settings import Settings
 
 START_SECONDS = 90.0
@@ -53,18 +54,22 @@ def demo(
     target = picture or home / "demo.png"
     target.parent.mkdir(parents=True, exist_ok=True)
     kind = check_picture(target)
-    with _service(url, home) as address, Client(address, api_key=api_key, patience=30.0) as client:
-        shapes = _filled(client, collection, per_class, seed)
-        if query not in shapes:
-            raise ParameterError(f"The collection {collection!r} has no indexed shape named {query}.")
-        answer = client.query(collection, shape=shapes[query].id, k=HITS)
-        out = results()
-        out.print(f"\nWhich shapes of {collection} are like {query}?")
-        print_answer(answer, out)
-        write_bytes(target, _draw(client, collection, shapes[query], answer, kind))
+    try:
+        with _service(url, home) as address, Client(address, api_key=api_key, patience=30.0) as client:
+            shapes = _filled(client, collection, per_class, seed)
+            if query not in shapes:
+                raise ParameterError(f"The collection {collection!r} has no indexed shape named {query}.")
+            answer = client.query(collection, shape=shapes[query].id, k=HITS)
+            out = results()
+            out.print(f"\nWhich shapes of {collection} are like {query}?")
+            print_answer(answer, out)
+            write_bytes(target, _draw(client, collection, shapes[query], answer, kind), tell=False)
+    except (KeyboardInterrupt, SystemExit):
+        notices().print(f"Stopped; the shapes in the collection {collection!r} are kept. Run it again to go on.")
+        raise
     out.print(f"The query and its hits, with their skeletons: {target}")
     if url is None:
-        out.print(f"The collection {collection!r} is kept: see it with ./run serve.")
+        out.print(f"The collection {collection!r} is kept: see it with {program()} serve.")
 
 
 def _check_query(query: str, per_class: int) -> None:

@@ -44,9 +44,10 @@ class _Slot:
 
 @dataclass
 class Supervisor:
-    """Keeps ``count`` processes of ``python -m worker`` alive until ``stop``."""
+    """Keeps ``count`` processes of ``python -m worker`` alive until ``stop``. log_level: theirs."""
 
     count: int
+    log_level: str = "info"
 
     def __post_init__(self) -> None:
         self._slots = [_Slot() for _ in range(self.count)]
@@ -101,7 +102,8 @@ class Supervisor:
             return
         try:
             slot.process = subprocess.Popen(  # noqa: S603
-                WORKER, stdin=self._lifeline, env={**worker_environment(), "REEBASE_LIFELINE": "1"},
+                [*WORKER, "--log-level", self.log_level], stdin=self._lifeline,
+                env={**worker_environment(), "REEBASE_LIFELINE": "1"},
                 # A session of its own: Ctrl-C in the terminal must reach the API alone, which stops all in order.
                 start_new_session=True,
             )  # fmt: skip

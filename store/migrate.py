@@ -18,6 +18,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection
 
+from reebase.words import program
 from store.engine import Database, migration_connection, sqlite_path
 from store.errors import UnsupportedDatabase
 
@@ -59,7 +60,7 @@ def check(url: str, *, any_schema: bool = False) -> None:
     found = current(url)
     if found is None:
         raise UnsupportedDatabase(
-            f"There is no database at {sqlite_path(url)} yet: `reebase serve` or `reebase migrate` makes it."
+            f"There is no database at {sqlite_path(url)} yet: `{program()} serve` or `{program()} migrate` makes it."
         )
     if found == head():
         return
@@ -67,8 +68,8 @@ def check(url: str, *, any_schema: bool = False) -> None:
         _check_known(conn)
     if not any_schema:
         raise UnsupportedDatabase(
-            f"The database has schema {found}, this version needs {head()}: run `reebase migrate` first, "
-            "after a `reebase backup` if you may want to go back.",
+            f"The database has schema {found}, this version needs {head()}: run `{program()} migrate` first, "
+            f"after a `{program()} backup` if you may want to go back.",
             found=found, needed=head(),
         )  # fmt: skip
 

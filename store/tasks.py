@@ -228,7 +228,7 @@ def retry(conn: Connection, task_id: str) -> Task:
 
 def succeed(conn: Connection, task: Task, result: Mapping[str, Any] | None = None) -> Task:
     """Ends a claimed task well. Raises StaleClaim; let it leave the transaction, so nothing is written."""
-    values = {**_NOT_HELD, "state": "succeeded", "result": dict(result or {}), "fraction": 1.0}
+    values = {**_NOT_HELD, "state": "succeeded", "result": dict(result or {}), "stage": None, "fraction": 1.0}
     return _fenced(conn, task, update(table).values({**values, "finished_at": now()}))
 
 

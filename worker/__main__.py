@@ -13,16 +13,19 @@ import os
 import signal
 import sys
 
+from reebase.words import program
 from worker.sandbox import Sandbox, SandboxError
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one worker; the return value is the exit status."""
-    parser = argparse.ArgumentParser(prog="reebase worker", description="Do background tasks.")
+    parser = argparse.ArgumentParser(prog=f"{program()} worker", description="Do background tasks.")
     parser.add_argument("--once", action="store_true", help="stop when no task is waiting")
     parser.add_argument("--name", help="how the worker is called in logs and tasks (default: host:pid)")
     parser.add_argument("--grace", type=float, default=5.0, metavar="SECONDS",
                         help="how long what runs may go on after SIGTERM (default: 5)")  # fmt: skip
+    parser.add_argument("--log-level", choices=("debug", "info", "warning", "error"),
+                        help="what is logged (default: warning on a terminal, else info)")  # fmt: skip
     chosen = parser.parse_args(arguments)
     sandbox = Sandbox()
     try:
@@ -42,7 +45,7 @@ def _run(chosen: argparse.Namespace, sandbox: Sandbox) -> int:
     from worker.claim import Stop, StoppedError
     from worker.main import Worker, await_schema
 
-    _configure_logs()
+    _configure_logs(chosen.log_level)
     log = structlog.get_logger("worker")
     # Whoever starts workers may hand them a pipe as standard input, which is at its end once it has died.
     lifeline = sys.stdin.fileno() if os.environ.get("REEBASE_LIFELINE") else None
@@ -62,16 +65,25 @@ def _run(chosen: argparse.Namespace, sandbox: Sandbox) -> int:
     return 0
 
 
-def _configure_logs() -> None:
+def _configure_logs(level: str | None) -> None:
+    """Lines for people on a terminal, from level warning on; else JSON, from info on: as the API does."""
     import structlog
 
+    terminal = sys.stderr.isatty()
+    level = level or ("warning" if terminal else "info")
+    last: list[structlog.types.Processor] = (
+        [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
+        if terminal
+        else [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
+    )
     structlog.configure(
         processors=[
             structlog.stdlib.add_log_level,
             structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
-            structlog.processors.JSONRenderer(),
+            lambda _, __, event: {**event, "logger": "worker"},
+            *last,
         ],
+        wrapper_class=structlog.make_filtering_bound_logger(level),
         logger_factory=structlog.WriteLoggerFactory(file=sys.stderr),
     )
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING)

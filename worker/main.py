@@ -14,6 +14,7 @@ from typing import Any
 import structlog
 
 from reebase.errors import ReebaseError
+from reebase.words import program
 from store import faults, migrate, sweep
 from store.blobs import open_blobs
 from store.engine import Database
@@ -65,7 +66,7 @@ def await_schema(url: str, stop: Stop, *, patience: float = 60.0) -> None:
         if time.monotonic() > end:
             raise UnsupportedDatabase(
                 f"The database has schema {found or 'none'}, this worker needs {needed}: "
-                "run `reebase migrate`, then start it again.",
+                f"run `{program()} migrate`, then start it again.",
                 found=found, needed=needed,
             )  # fmt: skip
         if not told:

@@ -15,6 +15,7 @@ from reebase.cli.evaluate import evaluate
 from reebase.cli.ingest import ingest
 from reebase.cli.query import query
 from reebase.cli.skeleton import skeleton
+from reebase.words import program
 
 __all__ = ["app", "main"]
 
@@ -32,7 +33,7 @@ for command in (skeleton, evaluate, ingest, query):
 def main() -> None:
     """Run the command line; a refusal is one line on standard error and exit code 2, never a traceback."""
     try:
-        app(prog_name="reebase")
+        app(prog_name=program())
     except ReebaseError as refusal:
         _refuse(f"{refusal.message} [{refusal.code}]", *_values(refusal))
     except OSError as failure:

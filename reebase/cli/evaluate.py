@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Column, Table
 
 from reebase.cli import options
 from reebase.cli.describing import Outcome, Refusal, descriptions
@@ -18,6 +17,7 @@ from reebase.cli.output import (
     check_picture,
     check_target,
     notices,
+    print_table,
     progress,
     results,
     shown,
@@ -29,6 +29,7 @@ from reebase.errors import ParameterError
 from reebase.evaluation import SCORES, Evaluation
 from reebase.evaluation import evaluate as evaluate_matrix
 from reebase.pipeline import Profile
+from reebase.words import counted
 
 
 def evaluate(
@@ -104,8 +105,8 @@ def evaluate(
         curve = report.precision_recall
         curves = {f"{named.name}, {chosen}": (curve.recall, curve.precision)}
         write_bytes(plot, precision_recall_plot(curves, format=kind))
-    if len(labelled) < len(files):
-        notices().print(f"{len(files) - len(labelled)} files have no label and took no part.")
+    if without := len(files) - len(labelled):
+        notices().print(f"{counted(without, 'file')} {'has' if without == 1 else 'have'} no label and took no part.")
     if json_out != STDOUT:
         _print(report, failed)
     raise typer.Exit(1 if failed else 0)
@@ -119,15 +120,17 @@ def _first(outcomes: Mapping[Path, Outcome]) -> str:
 def _print(report: Evaluation, failed: Mapping[str, Refusal]) -> None:
     out = results()
     record: dict[str, Any] = report.to_json()
-    table = Table(Column("class", no_wrap=True), "shapes", *(name.replace("_", " ") for name in SCORES))
-    for label, row in record["per_class"].items():
-        table.add_row(shown(label), str(row["count"]), *(f"{row[name]:.3f}" for name in SCORES))
-    table.add_section()
-    table.add_row("all queries", str(record["queries"]), *(f"{record['overall'][name]:.3f}" for name in SCORES))
-    table.add_row("mean of classes", "", *(f"{record['class_mean'][name]:.3f}" for name in SCORES))
-    out.print(table)
+
+    def scores(row: Mapping[str, float]) -> list[str]:
+        return [f"{row[name]:.3f}" for name in SCORES]
+
+    names = ("class", "shapes", *(name.replace("_", " ") for name in SCORES))
+    rows = [(shown(label), str(row["count"]), *scores(row)) for label, row in record["per_class"].items()]
+    means = [
+        ("all queries", str(record["queries"]), *scores(record["overall"])),
+        ("mean of classes", "", *scores(record["class_mean"])),
+    ]
+    print_table(out, names, rows, means)
     if failed:
-        table = Table("left out", "code", "why")
-        for name, one in sorted(failed.items()):
-            table.add_row(name, one.code, one.detail)
-        out.print(table)
+        lost = [(name, one.code, shown(one.detail)) for name, one in sorted(failed.items())]
+        print_table(out, ("left out", "code", "why"), lost)

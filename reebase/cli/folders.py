@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from reebase.errors import ParameterError
 from reebase.mesh.read import FORMATS
+from reebase.words import counted
 
 __all__ = ["ABSENT", "Labels", "labels_of", "mesh_files"]
 
@@ -61,7 +62,8 @@ def _may_be_read(path: Path) -> bool:
 def labels_of(folder: Path, files: Sequence[Path], table: Path | None) -> Labels:
     """The labels of ``files``, from a CSV file with the columns ``file`` (within the folder) and ``label``.
 
-    By default it is ``labels.csv`` in the folder; where there is none, the sub-folder that holds a file is its label.
+    By default it is ``labels.csv`` in the folder; where there is none, the folder that holds a file is its label, and a
+    file directly in ``folder`` has none.
     Commas, semicolons or tabs separate; a byte order mark, spaces at the ends and empty lines are passed over.
     Raises ParameterError for a table without these columns, with two labels for one file, or that names none of
     the files.
@@ -82,7 +84,7 @@ def labels_of(folder: Path, files: Sequence[Path], table: Path | None) -> Labels
             )
     if absent and not found:
         raise ParameterError(
-            f"{chosen} names {len(absent)} files, and none of them is a mesh file in {folder}; "
+            f"{chosen} names {counted(len(absent), 'file')}, and none is a mesh file in {folder}; "
             f"the first is {absent[0]}."
         )
     return Labels(found, tuple(dict.fromkeys(absent)))

@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from reebase.cli import options
-from reebase.cli.folders import ABSENT, labels_of, mesh_files
-from reebase.cli.intake import Failure, Intake
-from reebase.cli.output import STDOUT, check_target, notices, progress, results, shown, write_json
+from reebase.cli.folders import labels_of, mesh_files
+from reebase.cli.intake import TRANSIENT, Intake
+from reebase.cli.output import STDOUT, check_target, notices, print_table, progress, results, shown, write_json
 from reebase.client import Client, ServiceError, ServiceUnreachable
+from reebase.words import counted
 
-SHOWN_COPIES = 10
+SHOWN = 10
 
 
 def ingest(
@@ -23,7 +23,9 @@ def ingest(
     labels: options.Labels = None,
     parallel: Annotated[int, typer.Option(help="Uploads at the same time.", min=1, max=64)] = 4,
     wait: Annotated[bool, typer.Option(help="Wait until every shape is indexed or failed.")] = True,
-    retry_failed: Annotated[bool, typer.Option(help="Try again what failed in an earlier run.")] = False,
+    retry_failed: Annotated[
+        bool, typer.Option(help="Try again what failed in an earlier run; of use where the cause may have passed.")
+    ] = False,
     patience: Annotated[
         float, typer.Option(help="Seconds to go on trying when the service stops answering.", min=0)
     ] = 30.0,
@@ -33,9 +35,10 @@ def ingest(
 ) -> None:
     """Upload a folder of meshes and wait until they are indexed.
 
-    Run it again to go on where it stopped: what is there is skipped. Files of the same bytes are one shape.
+    Run it again to go on where it stopped: what is there is skipped, and relabelled where its label has changed.
+    Files of the same bytes are one shape.
 
-    Exit code 0: all are indexed (with --no-wait: uploaded). 1: some are not, and a table says why.
+    Exit code 0: all are indexed (with --no-wait: uploaded). 1: some are not, or a label names no file.
     2: it could not run, or the service was lost on the way. 130: Ctrl-C.
     """
     check_target(json_out)
@@ -55,42 +58,49 @@ def ingest(
         except (ServiceUnreachable, ServiceError, KeyboardInterrupt) as stop:
             _say_stopped(work, stop)
             raise
-        work.failures += [Failure(shown(name), "file_not_found", ABSENT) for name in named.absent]
-        summary = work.summary(wait)
+        summary = {**work.summary(wait), "labels_without_file": [shown(name) for name in named.absent]}
     if json_out is not None:
         write_json(json_out, summary)
     if json_out != STDOUT:
-        _print(summary)
-    raise typer.Exit(1 if work.failures else 0)
+        _print(summary, retried=retry_failed)
+    raise typer.Exit(1 if work.failures or named.absent else 0)
 
 
 def _say_stopped(work: Intake, stop: BaseException) -> None:
     why = {ServiceUnreachable: "The service was lost", ServiceError: "The service refuses to go on"}
     done, total = work.uploaded + work.skipped, len(work.same)
     notices().print(
-        f"{why.get(type(stop), 'Stopped')}: {done} of {total} shapes are in the collection. "
+        f"{why.get(type(stop), 'Stopped')}: at least {done} of {total} shapes are in the collection. "
         "Run the same command again to go on."
     )
 
 
-def _print(summary: dict[str, Any]) -> None:
+def _print(summary: dict[str, Any], *, retried: bool) -> None:
     out = results()
     state = f"{summary['indexed']} indexed" if summary["waited"] else "indexing goes on in the background"
+    relabelled = f" ({summary['relabelled']} relabelled)" if summary["relabelled"] else ""
     out.print(
-        f"{summary['files']} files, {summary['shapes']} shapes: {summary['uploaded']} uploaded, "
-        f"{summary['skipped']} there already; {state}, {len(summary['failed'])} failed."
+        f"{counted(summary['files'], 'file')}, {counted(summary['shapes'], 'shape')}: {summary['uploaded']} uploaded, "
+        f"{summary['skipped']} there already{relabelled}; {state}, {len(summary['failed'])} failed."
     )
-    for copy in summary["copies"][:SHOWN_COPIES]:
+    if number := summary["without_label"]:
+        out.print(f"  {counted(number, 'file')} {'has' if number == 1 else 'have'} no label")
+    if absent := summary["labels_without_file"]:
+        more = f" and {len(absent) - SHOWN} more" if len(absent) > SHOWN else ""
+        names = f"{', '.join(absent[:SHOWN])}{more}"
+        out.print(f"  {counted(len(absent), 'label')} {'names' if len(absent) == 1 else 'name'} no file: {names}")
+    for copy in summary["copies"][:SHOWN]:
         out.print(f"  {copy['file']} has the same bytes as {copy['same_as']}: one shape")
-    if len(summary["copies"]) > SHOWN_COPIES:
-        out.print(f"  ... and {len(summary['copies']) - SHOWN_COPIES} more copies; --json lists them all")
+    if len(summary["copies"]) > SHOWN:
+        out.print(f"  ... and {len(summary['copies']) - SHOWN} more copies; --json lists them all")
     for conflict in summary["label_conflicts"]:
         out.print(
             f"  {conflict['file']} is labelled {' and '.join(conflict['labels'])} by its copies; "
             f"the shape is labelled {conflict['labels'][0]}"
         )
     if summary["failed"]:
-        table = Table("file", "code", "why")
-        for failure in summary["failed"]:
-            table.add_row(failure["file"], failure["code"], failure["detail"])
-        out.print(table)
+        rows = [(failure["file"], failure["code"], shown(failure["detail"])) for failure in summary["failed"]]
+        print_table(out, ("file", "code", "why"), rows)
+        passing = sorted({failure["code"] for failure in summary["failed"]} & TRANSIENT)
+        if passing and not retried:
+            out.print(f"{' and '.join(passing)} may have passed: --retry-failed tries again.")

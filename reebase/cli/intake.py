@@ -11,19 +11,25 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from reebase.cli.output import Steps, shown
 from reebase.client import Client, RequestBroken, ServiceError, ServiceLimits, ServiceUnreachable, Shape
 from reebase.errors import ReebaseError
 
-__all__ = ["Failure", "Intake"]
+__all__ = ["TRANSIENT", "Failure", "Intake"]
 
 _FATAL = frozenset({"collection_not_found", "quota_exceeded", "storage_full", "redirected"})
 """Refusals that every other file would meet too."""
 _FATAL_STATUS = frozenset({401, 403, 429, 502, 503, 504})
+TRANSIENT = frozenset({
+    "worker_died", "child_crashed", "timed_out", "out_of_memory", "storage_full", "cancelled",
+})  # fmt: skip
+"""Why a shape failed that another try, or one with other limits, may index."""
 _SHORTEST_PAUSE, _LONGEST_PAUSE = 0.2, 15.0
 _SILENT_SECONDS = 60.0
+
+_Sent = Literal["uploaded", "relabelled", "there"]
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,7 @@ class Intake:
     """Takes the files of a folder into a collection.
 
     same: SHA-256 -> the files of these bytes, which are one shape. failures: so far, in no order.
-    uploaded, skipped: shapes that this run sent, and that were there before.
+    uploaded, skipped: shapes that this run sent, and that were there before; relabelled: of the latter.
     """
 
     def __init__(
@@ -50,7 +56,8 @@ class Intake:
         self.failures: list[Failure] = []
         self.uploaded = 0
         self.skipped = 0
-        self._files = 0
+        self.relabelled = 0
+        self._files: Sequence[Path] = ()
         self._client = client
         self._collection = collection
         self._folder = folder
@@ -63,7 +70,7 @@ class Intake:
 
     def read(self, files: Sequence[Path], begin: Steps) -> None:
         """Hash every file; those of the same bytes come together."""
-        self._files = len(files)
+        self._files = files
         step = begin("reading", len(files))
         same: dict[str, list[Path]] = defaultdict(list)
         for done, path in enumerate(files, start=1):
@@ -71,7 +78,7 @@ class Intake:
                 size = path.stat().st_size
                 if size > self._limits.max_upload_bytes:
                     most = self._limits.max_upload_bytes
-                    detail = f"The file has {size} bytes; the service takes at most {most}."
+                    detail = f"The file has {size:,} bytes; the service takes at most {most:,}."
                     self._fail(path, "too_many_bytes", detail)
                 else:
                     with path.open("rb") as opened:
@@ -116,8 +123,7 @@ class Intake:
         for sha256, shape in self._shapes.items():
             if shape.state != "indexed":
                 code, detail = (shape.error.code, shape.error.detail) if shape.error else (shape.state, "")
-                again = "" if self._retry_failed else " (--retry-failed tries again)"
-                self._fail(self.same[sha256][0], code, detail + (again if sha256 in self._there else ""))
+                self._fail(self.same[sha256][0], code, detail)
 
     def summary(self, waited: bool) -> dict[str, Any]:
         """What became of the files, JSON-serialisable."""
@@ -132,8 +138,9 @@ class Intake:
             if len(labels := self._labels(paths)) > 1
         ]
         return {
-            "collection": self._collection, "files": self._files, "shapes": len(self.same), "waited": waited,
-            "uploaded": self.uploaded, "skipped": self.skipped,
+            "collection": self._collection, "files": len(self._files), "shapes": len(self.same), "waited": waited,
+            "uploaded": self.uploaded, "skipped": self.skipped, "relabelled": self.relabelled,
+            "without_label": sum(path not in self._label_of for path in self._files),
             "indexed": sum(shape.state == "indexed" for shape in self._shapes.values()),
             "failed": [asdict(one) for one in sorted(self.failures, key=lambda one: (one.file, one.code))],
             "copies": copies, "label_conflicts": conflicts,
@@ -149,8 +156,8 @@ class Intake:
     def _fail(self, path: Path, code: str, detail: str) -> None:
         self.failures.append(Failure(self._name(path), code, detail))
 
-    def _send(self, sha256: str) -> bool:
-        """Upload the file, or bring what is there up to date; whether it was uploaded."""
+    def _send(self, sha256: str) -> _Sent:
+        """Upload the file, or bring what is there up to date."""
         path = self.same[sha256][0]
         label = next(iter(self._labels(self.same[sha256])), None)
         known = self._there.get(sha256)
@@ -160,21 +167,22 @@ class Intake:
             sent = self._client.upload(self._collection, path, name=name, label=label).shape
             if sent.sha256 != sha256:
                 raise RequestBroken("The file changed while it was read; run the command again.")
-            return True
-        if label is not None and known.label != label:
+            return "uploaded"
+        relabel = label is not None and known.label != label
+        if relabel:
             self._client.update_shape(self._collection, known.id, label=label)
         if self._retry_failed and known.state in ("failed", "cancelled"):
             self._client.retry_shape(self._collection, known.id)
-        return False
+        return "relabelled" if relabel else "there"
 
-    def _judge(self, sha256: str, future: Future[bool]) -> None:
+    def _judge(self, sha256: str, future: Future[_Sent]) -> None:
         """Count a file that is done; a failure of one is noted, a failure of all is raised."""
         path = self.same[sha256][0]
         try:
-            if future.result():
-                self.uploaded += 1
-            else:
-                self.skipped += 1
+            sent = future.result()
+            self.uploaded += sent == "uploaded"
+            self.skipped += sent != "uploaded"
+            self.relabelled += sent == "relabelled"
             return
         except ServiceUnreachable:
             raise
@@ -203,15 +211,15 @@ def _words(failure: OSError) -> str:
 
 
 def _in_parallel(
-    work: Callable[[str], bool], items: Sequence[str], parallel: int
-) -> Iterator[tuple[str, Future[bool]]]:
+    work: Callable[[str], _Sent], items: Sequence[str], parallel: int
+) -> Iterator[tuple[str, Future[_Sent]]]:
     """Each item with what came of it, as they end.
 
     The threads are daemons, unlike those of an executor: Ctrl-C must not wait for a service that hangs, and what is
     cut off is sent again by the next run.
     """
     todo = iter(items)
-    ended: queue.SimpleQueue[tuple[str, Future[bool]]] = queue.SimpleQueue()
+    ended: queue.SimpleQueue[tuple[str, Future[_Sent]]] = queue.SimpleQueue()
     taking, stop = threading.Lock(), threading.Event()
 
     def run() -> None:
@@ -220,7 +228,7 @@ def _in_parallel(
                 item = next(todo, None)
             if item is None:
                 return
-            future: Future[bool] = Future()
+            future: Future[_Sent] = Future()
             try:
                 future.set_result(work(item))
             except BaseException as failure:

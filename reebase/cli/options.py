@@ -7,13 +7,14 @@ from typing import Annotated
 
 import typer
 
+from reebase.denoise import METHODS
 from reebase.pipeline import Profile
 
 DEFAULT = Profile()
 URL = "http://127.0.0.1:8000"
 
 Bands = Annotated[int, typer.Option(help="Bands of the Reeb graph.", min=2, max=1024)]
-Denoise = Annotated[str, typer.Option(help="Denoising filter, or 'none'.")]
+Denoise = Annotated[str, typer.Option(help=f"Denoising filter: none, {', '.join(sorted(METHODS))}.")]
 Iterations = Annotated[int, typer.Option(help="Iterations of the filter.", min=1)]
 Threshold = Annotated[float, typer.Option(help="Branches with less than this share are pruned.", min=0.0, max=0.99)]
 Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area or length.")]
@@ -23,7 +24,10 @@ Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, co
 Measure = Annotated[str, typer.Option(help="Dissimilarity: matching, matching_mean, greedy or literal.")]
 Labels = Annotated[
     Path | None,
-    typer.Option(help="CSV with the columns file, label; by default DIR/labels.csv, else sub-folders are labels."),
+    typer.Option(
+        help="CSV with the columns file, label; by default DIR/labels.csv. Without one, the folder that holds a file "
+        "is its label, however deep, and a file directly in DIR has none."
+    ),
 ]
 JsonOut = Annotated[
     Path | None, typer.Option("--json", help="Write the result as JSON here; - is standard output, without the table.")

@@ -8,25 +8,28 @@ import sys
 import tempfile
 import time
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+from rich.cells import cell_len, set_cell_size
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Column, Table
 
 from reebase.errors import ParameterError
 
 __all__ = [
-    "STDOUT", "Step", "check_picture", "check_target", "notices", "progress", "results", "shown", "write_bytes",
-    "write_json",
+    "STDOUT", "Step", "check_picture", "check_target", "notices", "print_table", "progress", "results", "shown",
+    "write_bytes", "write_json",
 ]  # fmt: skip
 
 STDOUT = Path("-")
 """The target that stands for standard output."""
 
 _UNBOUNDED = 10_000
+_LONG_WORD = 16
 _LINE_EVERY_SECONDS = 5.0
 
 
@@ -48,6 +51,33 @@ def _console(terminal: bool, *, stderr: bool) -> Console:
 def shown(name: str) -> str:
     """A file name as text that can be printed and sent: what is no character becomes U+FFFD."""
     return "".join("\ufffd" if unicodedata.category(char) in {"Cc", "Cs", "Zl", "Zp"} else char for char in name)
+
+
+def print_table(
+    out: Console, names: Sequence[str], rows: Sequence[Sequence[str]], totals: Sequence[Sequence[str]] = (),
+    widest: int = 0,
+) -> None:  # fmt: skip
+    """Rows, and below them totals. Elsewhere than on a terminal each row is one line without a frame.
+
+    widest: the column that names things; on a terminal it has what room the longest words of the others leave.
+    """
+    columns = list(zip(*([names, *rows, *totals]), strict=True))
+    if not out.is_terminal:
+        widths = [max(map(cell_len, column)) for column in columns]
+        for row in (names, *rows, *totals):
+            line = "  ".join(map(set_cell_size, row, widths)).rstrip()
+            out.print(line, soft_wrap=True)
+        return
+    words = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
+    room = out.width - 4 - sum(min(word, _LONG_WORD) + 3 for at, word in enumerate(words) if at != widest)
+    table = Table(*(Column(name, overflow="fold") for name in names))
+    table.columns[widest].width = min(max(map(cell_len, columns[widest])), max(room, _LONG_WORD))
+    for row in rows:
+        table.add_row(*row)
+    table.add_section()
+    for row in totals:
+        table.add_row(*row)
+    out.print(table)
 
 
 class Step(Protocol):
@@ -139,8 +169,8 @@ def check_picture(target: Path | None, default: str = "png") -> str:
     return kind
 
 
-def write_bytes(target: Path, data: bytes) -> None:
-    """Write a file whole or not at all; ``-`` is standard output. Raises OSError."""
+def write_bytes(target: Path, data: bytes, *, tell: bool = True) -> None:
+    """Write a file whole or not at all, and say so; ``-`` is standard output. Raises OSError."""
     if target == STDOUT:
         sys.stdout.buffer.write(data)
         sys.stdout.flush()
@@ -148,6 +178,8 @@ def write_bytes(target: Path, data: bytes) -> None:
         target.write_bytes(data)  # a device or a pipe
     else:
         _replace(target.resolve(), data)
+    if tell and target != STDOUT:
+        notices().print(f"Written: {shown(str(target))}", soft_wrap=True)
 
 
 def _replace(target: Path, data: bytes) -> None:

@@ -8,18 +8,20 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from reebase.cli import options
-from reebase.cli.output import STDOUT, check_target, results, write_json
+from reebase.cli.output import STDOUT, check_target, print_table, results, write_json
 from reebase.client import Answer, Client
+from reebase.words import counted
 
 
 def query(
     mesh: Annotated[Path, typer.Argument(help="A mesh file; it is not kept.", exists=True, dir_okay=False)],
     collection: Annotated[str, typer.Option(help="The collection to search.")],
     k: Annotated[int, typer.Option("--k", "-k", help="How many shapes to return.", min=1)] = 10,
-    tolerance: Annotated[int, typer.Option(help="Endpoint counts that may differ; -1 for any.", min=-1)] = 2,
+    tolerance: Annotated[
+        str, typer.Option(help="By how much endpoint counts may differ: a whole number, or any.", metavar="N|any")
+    ] = "2",
     measure: options.Measure = "matching",
     label: Annotated[str | None, typer.Option(help="Only shapes with this label.")] = None,
     tag: Annotated[list[str] | None, typer.Option(help="Only shapes with this tag; may be repeated.")] = None,
@@ -33,9 +35,10 @@ def query(
     Exit code 0: answered, with or without hits. 2: it could not run, or was refused.
     """
     check_target(json_out)
+    most = _tolerance(tolerance)
     with Client(url, api_key=api_key, patience=2.0) as client:
         answer = client.query(
-            collection, source=mesh, k=k, tolerance=None if tolerance < 0 else tolerance, measure=measure,
+            collection, source=mesh, k=k, tolerance=most, measure=measure,
             label=label, tags=tag or (), max_dissimilarity=max_dissimilarity,
         )  # fmt: skip
     if json_out is not None:
@@ -44,20 +47,29 @@ def query(
         print_answer(answer, results())
 
 
+def _tolerance(text: str) -> int | None:
+    if text in ("any", "-1"):
+        return None
+    if not (text.isascii() and text.isdecimal()):
+        raise typer.BadParameter(f"{text!r} is neither a whole number nor any.", param_hint="--tolerance")
+    return int(text)
+
+
 def print_answer(answer: Answer, console: Console) -> None:
     """The hits as a table: D, and what it is made of."""
     endpoints = answer.query["endpoint_count"]
-    console.print(f"{endpoints} endpoints; {answer.considered} shapes considered")
+    console.print(f"{counted(endpoints, 'endpoint')}; {counted(answer.considered, 'shape')} considered")
     if not answer.hits:
-        console.print("No hits: nothing indexed passes the filters within the tolerance; --tolerance -1 takes all.")
+        console.print("No hits: nothing indexed passes the filters within the tolerance; --tolerance any takes all.")
         return
-    table = Table("rank", "shape", "label", "D(G, G~)", "endpoints", "matched pairs (query-hit: distance)", "unmatched")
+    rows = []
     for hit in answer.hits:
         pairs = "  ".join(f"{pair.query}-{pair.hit}: {pair.distance:.3f}" for pair in hit.pairs)
         alone = [f"query {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_query]
         alone += [f"hit {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_hit]
-        table.add_row(
+        rows.append((
             str(hit.rank), hit.shape.name, hit.shape.label or "", f"{hit.dissimilarity:.4f}",
             str(hit.endpoint_count), pairs, "  ".join(alone),
-        )  # fmt: skip
-    console.print(table)
+        ))  # fmt: skip
+    names = ("rank", "shape", "label", "D(G, G~)", "endpoints", "matched pairs (query-hit: distance)", "unmatched")
+    print_table(console, names, rows, widest=1)

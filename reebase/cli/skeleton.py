@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from reebase.cli import options
-from reebase.cli.output import STDOUT, check_picture, check_target, results, shown, write_bytes, write_json
+from reebase.cli.output import STDOUT, check_picture, check_target, print_table, results, shown, write_bytes, write_json
 from reebase.pipeline import Description, Profile, describe
+from reebase.words import counted
 
 
 def skeleton(
@@ -65,17 +65,17 @@ def _print(found: Description, name: str) -> None:
     out = results()
     health = found.health
     out.print(
-        f"{name}: {health.vertices} vertices, {health.faces} faces, "
-        f"{len(found.skeleton.endpoints)} endpoints, {found.skeleton.cycles} cycles"
+        f"{name}: {counted(health.vertices, 'vertex')}, {counted(health.faces, 'face')}, "
+        f"{counted(len(found.skeleton.endpoints), 'endpoint')}, {counted(found.skeleton.cycles, 'cycle')}"
     )
     for what, count in health.repairs.items():
         if count:
             out.print(f"  repaired: {what.replace('_', ' ')}: {count}")
     for explanation in health.to_json()["explanations"].values():
         out.print(f"  note: {explanation}")
-    table = Table("endpoint", "node", "relative area", "path lengths", "distance to root")
+    rows = []
     for row, node in enumerate(found.skeleton.endpoints):
         # Where all paths are of length zero there are endpoints without features.
         omega = [f"{value:.4f}" for value in found.features[row]] if len(found.features) else ["-"] * 3
-        table.add_row(str(row), str(node), *omega)
-    out.print(table)
+        rows.append((str(row), str(node), *omega))
+    print_table(out, ("endpoint", "node", "relative area", "path lengths", "distance to root"), rows)

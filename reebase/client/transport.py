@@ -14,6 +14,7 @@ import httpx
 
 from reebase.client.errors import RequestBroken, ServiceError, ServiceUnreachable, UnexpectedReply
 from reebase.errors import ParameterError
+from reebase.words import program
 
 __all__ = ["Transport"]
 
@@ -127,7 +128,7 @@ class Transport:
         if isinstance(failure, httpx.TimeoutException) and not isinstance(failure, _NOT_SENT):
             return ServiceUnreachable(f"{self.url} took the request but did not answer in time.")
         reason = str(failure) or type(failure).__name__
-        return ServiceUnreachable(f"No answer from {self.url} ({reason}). Is the service running (./run serve)?")
+        return ServiceUnreachable(f"No answer from {self.url} ({reason}). Is the service running ({program()} serve)?")
 
     def _refusal(self, reply: httpx.Response) -> ServiceError:
         if reply.is_redirect:

@@ -31,6 +31,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.orient import faces_to_turn
 from reebase.mesh.slivers import without_flat_faces
 from reebase.mesh.topology import Edges, edges
+from reebase.words import counted
 
 __all__ = ["clean"]
 
@@ -74,7 +75,7 @@ def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
     if len(faces) == 0:
         done = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in repairs.items())
         raise DegenerateMesh(
-            f"No triangle with area is left of {len(mesh.faces)} faces ({done}).",
+            f"No triangle with area is left of {counted(len(mesh.faces), 'face')} ({done}).",
             faces_read=len(mesh.faces), repairs=repairs,
         )  # fmt: skip
     vertices, faces = without_unreferenced(vertices, faces, repairs)

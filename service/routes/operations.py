@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 import reebase
+from reebase.words import program
 from service import metrics
 from service.auth import Reader
 from service.context import Here
@@ -50,7 +51,7 @@ def readyz(here: Here) -> ReadyValue:
         with here.database.read() as conn:
             if not migrate.is_current(conn):
                 raise NotReady(
-                    "The database does not have the tables of this version; run `reebase migrate`."
+                    f"The database does not have the tables of this version; run `{program()} migrate`."
                 )
             seen = overview.worker_seen(conn)
             counts = overview.task_counts(conn)

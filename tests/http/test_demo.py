@@ -69,6 +69,7 @@ def test_an_interrupted_demo_leaves_no_service(tmp_path: Path, number: signal.Si
     _, err = process.communicate(timeout=40)
     assert process.returncode == 128 + number
     assert "Traceback" not in err
+    assert "the shapes in the collection 'demo' are kept" in err
     for pid in server:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)

@@ -82,6 +82,8 @@ def test_a_worker_that_dies_is_started_again_and_all_end_together(tmp_path: Path
         served.process.terminate()
         assert served.process.wait(timeout=20) == 0
         assert time.monotonic() - began < 10
+        said = [line for line in (served.home / "log.txt").read_text().splitlines() if not line.startswith("{")]
+        assert [line.split()[0] for line in said] == ["Stopping:", "Stopped."]
         assert gone(second, 1.0)
 
 
@@ -133,6 +135,46 @@ def test_what_serve_says(tmp_path: Path) -> None:
         assert taken.returncode == 1
         assert f"cannot listen on 127.0.0.1:{port}" in taken.stderr and "Traceback" not in taken.stderr
         assert not (tmp_path / "other" / "reebase.sqlite").exists()
+
+
+def test_at_level_warning_neither_requests_nor_tasks_are_logged(tmp_path: Path) -> None:
+    with whole_service(tmp_path / "home", "--log-level", "warning") as served, served.client() as client:
+        client.post("/v1/collections", json={"name": "a"}).raise_for_status()
+        indexed(client, uploaded(client, "/v1/collections/a", capsule()))
+        said = (served.home / "log.txt").read_text()
+        assert all('"level": "warning"' in line for line in said.splitlines()), said
+    assert command(tmp_path, "serve", "--log-level", "loud").returncode == 2
+
+
+@pytest.mark.parametrize("options", [["-m", "worker", "--once"], ["-m", "service", "serve", "--port", "0"]])
+def test_on_a_terminal_api_and_worker_log_lines_for_people(tmp_path: Path, options: list[str]) -> None:
+    assert command(tmp_path, "migrate").returncode == 0
+    main, other = os.openpty()
+    arguments = [sys.executable, *options, "--log-level", "info"]
+    process = subprocess.Popen(
+        arguments, cwd=ROOT, env=environment(tmp_path), stdout=subprocess.DEVNULL, stderr=other
+    )
+    os.close(other)
+    said = b""
+    with contextlib.suppress(OSError):  # how a terminal says that nobody writes any more
+        while part := os.read(main, 10_000):
+            if b"ready" in part:
+                process.terminate()
+            said += part
+    os.close(main)
+    assert process.wait(timeout=30) == 0
+    assert b"ready" in said
+    assert b"{\"" not in said
+
+
+def test_messages_name_the_command_that_was_typed(tmp_path: Path) -> None:
+    refused = command(tmp_path, "serve", "--host", "0.0.0.0", "--no-worker", REEBASE_COMMAND="./run")  # noqa: S104
+    assert "./run keys create --scope admin" in refused.stderr
+    wrong = command(tmp_path, "serv", REEBASE_COMMAND="./run").stderr
+    assert "Usage: ./run" in wrong and "Try './run --help'" in wrong
+    assert "./run python" in command(tmp_path, "--help", REEBASE_COMMAND="./run").stdout
+    assert "python" not in command(tmp_path, "--help").stdout
+    assert "Usage: reebase " in command(tmp_path, "--help").stdout
 
 
 def test_an_open_door_is_refused(tmp_path: Path) -> None:

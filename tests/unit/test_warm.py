@@ -3,6 +3,10 @@
 import subprocess
 import sys
 
+import pytest
+
+import reebase.warm
+
 SCRIPT = """
 import gc
 
@@ -39,3 +43,13 @@ def test_nothing_is_left_to_compile() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split("\n") == ["", ""]
+
+
+def test_elsewhere_than_on_a_terminal_each_stage_is_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(reebase.warm, "warm", lambda say: [say(stage, 0.0) for stage in ("read", "clean")])
+    reebase.warm.main()
+    err = capsys.readouterr().err
+    assert "\r" not in err
+    assert [line.split(": ")[-1].split()[0] for line in err.splitlines()] == ["read", "clean", "the"]

@@ -20,6 +20,7 @@ from reebase.errors import (
     UnsupportedFeature,
 )
 from reebase.mesh.read.limits import Limits
+from reebase.words import counted
 
 __all__ = ["Accessors", "field", "table"]
 
@@ -102,7 +103,7 @@ class Accessors:
         """Raises FaceIndexOutOfRange when a primitive refers to a vertex it does not have."""
         if len(indices) and int(indices.max()) >= count:
             raise FaceIndexOutOfRange(
-                f"glTF: {where} refers to vertex {int(indices.max())}, but it has {count} vertices.",
+                f"glTF: {where} refers to vertex {int(indices.max())}, but it has {counted(count, 'vertex')}.",
                 vertex=int(indices.max()), vertices=count,
             )  # fmt: skip
 
@@ -126,7 +127,7 @@ class Accessors:
                 raise FormatError(f"glTF: {where}.sparse.indices are not integers.")
             rows = self._view(parts["indices"] or {}, rows_code, changed, 1, f"{where}.sparse.indices")[:, 0]
             if len(rows) and (int(rows.max()) >= count or int(rows.min()) < 0):
-                raise FormatError(f"glTF: {where}.sparse.indices go beyond the accessor's {count} items.")
+                raise FormatError(f"glTF: {where}.sparse.indices go beyond the accessor's {counted(count, 'item')}.")
             values = values.copy()
             values[rows] = self._view(parts["values"] or {}, code, changed, width, f"{where}.sparse.values")
         return values
@@ -165,7 +166,7 @@ class Accessors:
             raise FormatError(f"glTF: bufferViews[{at}].byteStride is {stride}, less than one item.")
         if count and offset + stride * (count - 1) + width * item > length:
             raise TruncatedFile(
-                f"glTF: {where} announces {count:,} items, which end at byte "
+                f"glTF: {where} announces {counted(count, 'item')}, ending at byte "
                 f"{offset + stride * (count - 1) + width * item:,} of a view of {length:,}.",
                 announced=count,
             )  # fmt: skip

@@ -13,6 +13,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
 from reebase.mesh.read.text import integers, lenient_float, pieces, plain_text, quoted, rectangle, without_comments
+from reebase.words import counted
 
 __all__ = ["read_obj"]
 
@@ -57,7 +58,10 @@ def read_obj(data: bytes, limits: Limits) -> Mesh:
     if not vertex_count and not corners and not _known_keyword(text):
         raise FormatError("The file holds no line of an OBJ file (no v, f, g, o, usemtl, ...).")
     if not corners:
-        raise NoFaces(f"The OBJ file has {vertex_count} vertices but no face (no line that starts with f).")
+        raise NoFaces(
+            f"The OBJ file has {counted(vertex_count, 'vertex')} {'but' if vertex_count else 'and'} no faces "
+            "(no line starts with f)."
+        )
     positions = np.concatenate(vertices) if vertices else np.zeros((0, 3))
     return build(positions, np.concatenate(corners), np.concatenate(sizes), limits, base=1)
 
@@ -76,7 +80,7 @@ def _positions(lines: list[bytes], at: list[int], text: bytes, start: int) -> np
     for row, i in enumerate(at):
         tokens = lines[i].split()[1:4]
         if len(tokens) < 2:
-            raise FormatError(f"OBJ: the vertex in {_line(text, start, i)} has {len(tokens)} coordinates.")
+            raise FormatError(f"OBJ: the vertex in {_line(text, start, i)} has {counted(len(tokens), 'coordinate')}.")
         for axis, token in enumerate(tokens):
             try:
                 rows[row, axis] = lenient_float(token)
@@ -121,7 +125,7 @@ def _absolute(corners: Ints, before: Ints) -> Ints:
     if (found <= 0).any():
         at = int(np.flatnonzero(found <= 0)[0])
         raise FaceIndexOutOfRange(
-            f"A face refers to vertex {int(corners[at])}, but {int(before[at])} vertices stand before it.",
+            f"A face refers to vertex {int(corners[at])}, but has {counted(int(before[at]), 'vertex')} before it.",
             vertex=int(corners[at]), vertices=int(before[at]),
         )  # fmt: skip
     return found

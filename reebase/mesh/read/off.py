@@ -22,6 +22,7 @@ from reebase.mesh.read.text import (
     rectangle,
     without_comments,
 )
+from reebase.words import counted
 
 __all__ = ["HEADER", "read_off"]
 
@@ -80,12 +81,12 @@ def _announced(counts: re.Match[bytes], body: bytes, limits: Limits) -> tuple[in
         found = quoted(counts.group(0).strip())
         raise FormatError(f"OFF: {found} stands where the counts are expected.") from None
     if vertices < 0 or faces < 0:
-        raise FormatError(f"OFF: the header announces {vertices} vertices and {faces} faces.")
+        raise FormatError(f"OFF: the header announces {counted(vertices, 'vertex')} and {counted(faces, 'face')}.")
     least = vertices * 6 + faces * 2
     if least - 1 > len(body) - counts.end():
         raise TruncatedFile(
-            f"The header announces {vertices:,} vertices and {faces:,} faces, which take at least {least:,} "
-            f"bytes, but the file has only {len(body) - counts.end():,} left.",
+            f"The header announces {counted(vertices, 'vertex')} and {counted(faces, 'face')}, which take at least "
+            f"{least:,} bytes, but the file has only {len(body) - counts.end():,} left.",
             vertices=vertices, faces=faces,
         )  # fmt: skip
     limits.check_vertices(vertices)
@@ -157,8 +158,9 @@ def _free(
             corners, sizes = faces.list("corners") or (np.zeros(0, np.int64), np.zeros(0, np.int64))
             if at != cells.end:
                 raise FormatError(
-                    f"OFF: {cells.end - at} numbers are left over behind {vertex_count} vertices and "
-                    f"{face_count} faces, and the file does not have one vertex or face a line either."
+                    f"OFF: the file goes on for {counted(cells.end - at, 'number')} behind "
+                    f"{counted(vertex_count, 'vertex')} and {counted(face_count, 'face')}, and "
+                    "does not have one vertex or face a line either."
                 )
         except FormatError as error:
             refusal = refusal or error
@@ -193,7 +195,9 @@ def _binary(data: bytes, at: int, header: re.Match[bytes], limits: Limits) -> Me
         raise TruncatedFile("OFF BINARY: the file ends before the counts of vertices and faces.")
     vertex_count, face_count, _ = (int(n) for n in np.frombuffer(data, ">i4", 3, at))
     if vertex_count < 0 or face_count < 0:
-        raise FormatError(f"OFF BINARY: the header announces {vertex_count} vertices and {face_count} faces.")
+        raise FormatError(
+            f"OFF BINARY: the header announces {counted(vertex_count, 'vertex')} and {counted(face_count, 'face')}."
+        )
     cells = BinaryCells(data, ">")
     width = _widths(header)[0]
     listed = tuple(Property(str(i), "f4") for i in range(width))

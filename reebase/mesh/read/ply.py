@@ -13,6 +13,7 @@ from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build, strips
 from reebase.mesh.read.records import BinaryCells, Cells, Element, Property, Table, TextCells, read_element
 from reebase.mesh.read.text import numbers, quoted
+from reebase.words import counted
 
 __all__ = ["read_ply", "read_ply_scalars"]
 
@@ -143,7 +144,7 @@ def _polygons(tables: dict[str, Table], vertices: int) -> tuple[Ints, Ints]:
             corners.append(strips(np.insert(values, np.cumsum(lengths)[:-1], -1), restart=-1).ravel())
             sizes.append(np.full(len(corners[-1]) // 3, 3, dtype=np.int64))
     if not corners:
-        raise NoFaces(f"The PLY file has {vertices} vertices but no faces.")
+        raise NoFaces(f"The PLY file has {counted(vertices, 'vertex')} {'but' if vertices else 'and'} no faces.")
     return np.concatenate(corners), np.concatenate(sizes)
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from reebase.errors import FaceIndexOutOfRange, NoFaces, NonFiniteVertices, UnsupportedFeature
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
+from reebase.words import counted
 
 __all__ = ["build", "strips", "triangulate"]
 
@@ -59,7 +60,7 @@ def build(
         face = int(np.searchsorted(np.cumsum(sizes), at, side="right"))
         raise FaceIndexOutOfRange(
             f"Face {face + base} refers to vertex {int(corners[at]) + base}, but there are only "
-            f"{len(vertices)} vertices (faces and vertices are counted from {base}).",
+            f"{counted(len(vertices), 'vertex')} (faces and vertices are counted from {base}).",
             face=face + base, vertex=int(corners[at]) + base, vertices=len(vertices),
         )  # fmt: skip
     finite = np.asarray(np.isfinite(vertices).all(axis=1))

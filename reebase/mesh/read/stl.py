@@ -14,6 +14,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
 from reebase.mesh.read.text import PIECE, lenient_float, plain_text, quoted, without_comments
+from reebase.words import counted
 
 __all__ = ["is_text", "looks_like_text_stl", "read_stl"]
 
@@ -68,7 +69,7 @@ def _binary(data: bytes, announced: int, limits: Limits) -> Mesh:
     needed = HEADER + RECORD.itemsize * announced
     if needed > len(data):
         raise TruncatedFile(
-            f"The header announces {announced:,} triangles, which take {needed:,} bytes, but the file has "
+            f"The header announces {counted(announced, 'triangle')}, which take {needed:,} bytes, but the file has "
             f"{len(data):,}.",
             announced=announced, needed=needed, found=len(data),
         )  # fmt: skip

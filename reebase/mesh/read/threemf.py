@@ -16,6 +16,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.archive import Archive
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
+from reebase.words import counted
 
 __all__ = ["read_3mf"]
 
@@ -174,7 +175,7 @@ def _reference(attributes: dict[str, str], path: str) -> tuple[Key, Floats]:
     if "transform" in attributes:
         values = [float(token) for token in attributes["transform"].split()]
         if len(values) != 12:
-            raise FormatError(f"3MF: a transform has {len(values)} numbers, not 12.")
+            raise FormatError(f"3MF: a transform has {counted(len(values), 'number')}, not 12.")
         transform = np.array(values).reshape(4, 3)
     return (path if other is None else _path(other), attributes["objectid"]), transform
 
@@ -205,7 +206,7 @@ def _assemble(model: _Model, limits: Limits) -> Mesh:
             worst = int(np.flatnonzero((one.faces < 0) | (one.faces >= len(one.vertices)))[0])
             raise FaceIndexOutOfRange(
                 f"3MF: a triangle of object {key[1][:40]!r} refers to vertex {int(one.faces.flat[worst])}, "
-                f"but the object has {len(one.vertices)} vertices.",
+                f"but the object has {counted(len(one.vertices), 'vertex')}.",
                 vertex=int(one.faces.flat[worst]), vertices=len(one.vertices),
             )  # fmt: skip
         faces.append((one.faces[:, ::-1] if turned else one.faces) + vertex_count)

@@ -93,7 +93,7 @@ def test_rows_without_a_mesh_file_are_told(folder: Path) -> None:
     [
         ("name;class\na.PLY;ants\n", "columns file and label; found name, class"),
         ("", "found nothing"),
-        ("file,label\nz.ply,zebras\n", r"none of them .*z\.ply"),
+        ("file,label\nz.ply,zebras\n", r"names 1 file, and none is .*z\.ply"),
         ("file,label\na.PLY,ants\nb.off,x\na.PLY,bees\n", r"line 4: a\.PLY has the label 'bees' here and 'ants'"),
         (b"file,label\na.PLY,\xff\xfe\n", "could not be read"),
     ],

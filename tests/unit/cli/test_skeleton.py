@@ -26,6 +26,8 @@ def test_a_skeleton_as_table_json_and_picture(command: Command, mesh: Path, tmp_
     ran = command("skeleton", mesh, "--picture", picture, "--json", target, "--bands", 16)
     assert ran.code == 0, ran
     assert ran.out.startswith("long [bold]one[.off: ")
+    assert ran.err == f"Written: {target}\nWritten: {picture}\n"
+    assert "0 cycles" in ran.out
     assert picture.read_bytes().startswith(b"\x89PNG")
     found = json.loads(target.read_text())
     assert len(found["endpoints"]) == len(found["features"]) == 2

@@ -68,6 +68,7 @@ def test_a_task_goes_from_queued_to_succeeded_and_its_shape_follows(
     assert (read(database, task).stage, read(database, task).fraction) == ("denoise", 0.5)
     with database.write() as conn:
         done = queue.succeed(conn, task, {"endpoint_count": 3})
+    assert done.stage is None
     assert (done.state, done.result, done.fraction) == ("succeeded", {"endpoint_count": 3}, 1.0)
     assert done.finished_at is not None and done.worker is None
     assert state_of(database, shape) == "indexed"
