@@ -18,6 +18,7 @@ from store.blobs import Blobs, open_blobs
 from store.engine import Database
 from store.errors import StoreError
 from store.follower import IndexFollower
+from store.overview import RecentOverview
 
 __all__ = ["Context", "Here"]
 
@@ -34,6 +35,7 @@ class Context:
     blobs: Blobs
     follower: IndexFollower
     metrics: Metrics
+    overview: RecentOverview = field(default_factory=RecentOverview)
     limiter: RateLimiter = field(default_factory=RateLimiter)
     stopping: threading.Event = field(default_factory=threading.Event)
 

@@ -17,7 +17,7 @@ from service.context import Here
 from service.errors import NotReady
 from service.problems import PROBLEMS
 from service.schemas.about import LiveValue, ReadyValue
-from store import migrate, overview
+from store import migrate
 from store.errors import StoreError
 
 __all__ = ["router"]
@@ -44,7 +44,10 @@ async def livez() -> LiveValue:
 
 @router.get("/readyz", operation_id="getReadiness", summary="Can it serve?", responses=_PROBE_PROBLEMS)
 def readyz(here: Here) -> ReadyValue:
-    """Whether the database answers and has this version's tables; a worker may be missing."""
+    """Whether the database answers and has this version's tables; a worker may be missing.
+
+    What it says of tasks and workers is at most five seconds old.
+    """
     if here.stopping.is_set():
         raise NotReady("The service is stopping.")
     try:
@@ -53,14 +56,13 @@ def readyz(here: Here) -> ReadyValue:
                 raise NotReady(
                     f"The database does not have the tables of this version; run `{program()} migrate`."
                 )
-            seen = overview.worker_seen(conn)
-            counts = overview.task_counts(conn)
+            found = here.overview.read(conn)
     except (SQLAlchemyError, StoreError) as error:
         raise NotReady(f"The database does not answer: {type(error).__name__}.") from error
-    queued = sum(count for (_, state), count in counts.items() if state == "queued")
+    queued = sum(count for (_, state), count in found.counts.items() if state == "queued")
     return ReadyValue(
-        status="ready", version=reebase.__version__, worker="not seen yet" if seen is None else "seen",
-        worker_seen_at=seen, queued=queued,
+        status="ready", version=reebase.__version__, worker="not seen yet" if found.worker_seen is None else "seen",
+        worker_seen_at=found.worker_seen, queued=queued,
     )  # fmt: skip
 
 
@@ -69,7 +71,7 @@ def readyz(here: Here) -> ReadyValue:
     responses=_METRICS,
 )  # fmt: skip
 def show_metrics(request: Request, here: Here, _: Reader) -> Response:
-    """Requests by route, and tasks by kind and state."""
+    """Requests by route, and tasks by kind and state as they were at most five seconds ago."""
     with here.database.read() as conn:
-        counts = overview.task_counts(conn)
+        counts = here.overview.read(conn).counts
     return Response(here.metrics.render(counts), headers={"Content-Type": metrics.MEDIA_TYPE})
