@@ -204,6 +204,7 @@ def _run(settings: ServiceSettings, listener: socket.socket, workers: int, log_l
         uvicorn.Config(
             app, log_config=None, access_log=False, server_header=False, timeout_graceful_shutdown=10,
             h11_max_incomplete_event_size=64 * 1024, lifespan="on", proxy_headers=False,
+            limit_concurrency=settings.max_connections,
         )
     )  # fmt: skip
     # Before the server listens to signals, one must not be lost; once it has stopped it raises them again,

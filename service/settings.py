@@ -26,6 +26,8 @@ class ServiceSettings(Settings):
     """Serve without keys on any address. Whoever reaches the service may then do everything."""
     requests_per_minute: int = Field(6000, ge=1)
     """Rate limit of a key that has none of its own."""
+    max_connections: int = Field(512, ge=1)
+    """So many connections are served at once; a request beyond is answered 503."""
     max_json_bytes: int = Field(1 << 20, ge=1024)
     max_wait_seconds: float = Field(60.0, ge=0)
     idempotency_seconds: float = Field(86400.0, gt=0)

@@ -267,6 +267,19 @@ def test_a_setting_that_is_wrong(tmp_path: Path) -> None:
     assert "REEBASE_MAX_K" in refused.stderr and "Traceback" not in refused.stderr
 
 
+def test_connections_beyond_the_limit_are_refused_and_come_back(tmp_path: Path) -> None:
+    with whole_service(tmp_path / "home", "--no-worker", REEBASE_MAX_CONNECTIONS="4") as served:
+        address = httpx.URL(served.url)
+        with contextlib.ExitStack() as stack:
+            for _ in range(4):
+                stack.enter_context(socket.create_connection((address.host, address.port or 80), timeout=20))
+            assert httpx.get(f"{served.url}/livez").status_code == 503
+        end = time.monotonic() + 10
+        while httpx.get(f"{served.url}/livez").status_code != 200:
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+
 def test_requests_that_wait_end_when_the_service_stops(tmp_path: Path) -> None:
     with whole_service(tmp_path / "home", "--no-worker") as served, served.client() as client:
         assert served.process is not None
