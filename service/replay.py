@@ -45,11 +45,11 @@ def once(
     """
     if asked is None:
         return work()
-    begun = idempotency.begin(conn, asked, keep_seconds=context.settings.idempotency_seconds)
-    if isinstance(begun, idempotency.Answer):
-        return Response(begun.body, begun.status, {**begun.headers, REPLAYED: "true"})
+    given = idempotency.answer_to(conn, asked)
+    if given is not None:
+        return Response(given.body, given.status, {**given.headers, REPLAYED: "true"})
     response = work()
     kept = {name: response.headers[name] for name in ("content-type", "location") if name in response.headers}
     answer = idempotency.Answer(response.status_code, kept, bytes(response.body))
-    idempotency.complete(conn, begun, answer)
+    idempotency.keep(conn, asked, answer, keep_seconds=context.settings.idempotency_seconds)
     return response

@@ -17,7 +17,6 @@ ReebaseError
     │   ├── TaskNotRetryable     task_not_retryable
     │   ├── ProfileChanged       profile_changed      a mesh was described under another profile
     │   ├── IdempotencyConflict  idempotency_conflict
-    │   ├── IdempotencyInProgress idempotency_in_progress
     │   └── TargetNotEmpty       target_not_empty
     ├── InvalidCursor        invalid_cursor
     ├── QuotaExceeded        quota_exceeded
@@ -35,7 +34,7 @@ from reebase.errors import ReebaseError
 
 __all__ = [
     "BlobNotFound", "CollectionExists", "CollectionNotFound", "Conflict", "CorruptBackup", "CorruptBlob",
-    "EvaluationNotFound", "IdempotencyConflict", "IdempotencyInProgress", "InvalidCursor", "KeyNotFound",
+    "EvaluationNotFound", "IdempotencyConflict", "InvalidCursor", "KeyNotFound",
     "NotFound", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeNotFound", "StaleClaim", "StorageFull",
     "StoreBusy", "StoreError", "TargetNotEmpty", "TaskExists", "TaskNotCancellable", "TaskNotFound",
     "TaskNotRetryable", "UnsupportedDatabase",
@@ -136,12 +135,6 @@ class IdempotencyConflict(Conflict):
     """This Idempotency-Key was used before with another request; take a new key."""
 
     code = "idempotency_conflict"
-
-
-class IdempotencyInProgress(Conflict):
-    """The first request with this Idempotency-Key is still being answered; try again in a moment."""
-
-    code = "idempotency_in_progress"
 
 
 class TargetNotEmpty(Conflict):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 
@@ -15,12 +16,10 @@ from store.engine import Database
 from store.errors import (
     CollectionNotFound,
     IdempotencyConflict,
-    IdempotencyInProgress,
     KeyNotFound,
     QuotaExceeded,
-    StaleClaim,
 )
-from store.idempotency import Answer, Begun, Request
+from store.idempotency import Answer, Request
 from store.records import Collection, Shape, Task
 from store.sql import now
 
@@ -103,74 +102,40 @@ def test_the_quota_counts_what_is_kept(
         keys.check_quota(conn, key)
 
 
-def begin(database: Database, request: Request = ASKED, **times: float) -> Begun | Answer:
+def answered(database: Database, request: Request = ASKED) -> Answer | None:
     with database.write() as conn:
-        return idempotency.begin(conn, request, **times)
+        return idempotency.answer_to(conn, request)
 
 
 def test_done_once_and_answered_alike(database: Database) -> None:
-    begun = begin(database)
-    assert isinstance(begun, Begun)
-    with pytest.raises(IdempotencyInProgress):
-        begin(database)
+    assert answered(database) is None
     with database.write() as conn:
-        collections.create(conn, "ants")
-        idempotency.complete(conn, begun, ANSWER)
-    assert begin(database) == ANSWER == begin(database)
+        idempotency.keep(conn, ASKED, ANSWER)
+    assert answered(database) == ANSWER == answered(database)
     with pytest.raises(IdempotencyConflict):
-        begin(database, Request(**{**ASKED.__dict__, "fingerprint": "0" * 64}))
+        answered(database, dataclasses.replace(ASKED, fingerprint="0" * 64))
 
 
 @pytest.mark.parametrize("other", [{"principal": "key"}, {"method": "PUT"}, {"path": "/v1/x"}, {"key": "k2"}])
 def test_others_have_their_own_keys(database: Database, other: dict[str, str]) -> None:
-    begin(database)
-    assert isinstance(begin(database, Request(**{**ASKED.__dict__, **other})), Begun)
-
-
-def test_a_request_that_was_refused_frees_its_key(database: Database) -> None:
-    begun = begin(database)
-    assert isinstance(begun, Begun)
     with database.write() as conn:
-        idempotency.abandon(conn, begun)
-    assert isinstance(begin(database), Begun)
-
-
-def test_a_request_that_died_is_taken_over_and_cannot_come_back(database: Database) -> None:
-    dead = begin(database, lock_seconds=-1)
-    assert isinstance(dead, Begun)
-    with pytest.raises(IdempotencyConflict):
-        begin(database, Request(**{**ASKED.__dict__, "fingerprint": "0" * 64}))
-    second = begin(database)
-    assert isinstance(second, Begun)
-    with pytest.raises(StaleClaim), database.write() as conn:
-        collections.create(conn, "ants")
-        idempotency.complete(conn, dead, ANSWER)
-    with database.write() as conn:
-        idempotency.abandon(conn, dead)
-        collections.create(conn, "ants")
-        idempotency.complete(conn, second, ANSWER)
-    assert begin(database) == ANSWER
+        idempotency.keep(conn, ASKED, ANSWER)
+    assert answered(database, dataclasses.replace(ASKED, **other)) is None
 
 
 def test_answers_expire(database: Database) -> None:
-    begun = begin(database)
-    assert isinstance(begun, Begun)
-    table = tables.idempotency
     with database.write() as conn:
-        idempotency.complete(conn, begun, ANSWER)
+        idempotency.keep(conn, ASKED, ANSWER)
         assert idempotency.purge(conn) == 0
-        conn.execute(update(table).values(expires_at=now(-1)))
-    assert isinstance(begin(database, Request(**{**ASKED.__dict__, "fingerprint": "0" * 64})), Begun)
+        conn.execute(update(tables.idempotency).values(expires_at=now(-1)))
+    assert answered(database, dataclasses.replace(ASKED, fingerprint="0" * 64)) is None
     with database.write() as conn:
-        conn.execute(update(table).values(expires_at=now(-1)))
-        # It is being answered.
-        assert idempotency.purge(conn) == 0
-        conn.execute(update(table).values(locked_until=now(-1)))
+        idempotency.keep(conn, ASKED, ANSWER, keep_seconds=-1)
         assert idempotency.purge(conn) == 1
-        assert conn.execute(select(table)).all() == []
+        assert conn.execute(select(tables.idempotency)).all() == []
 
 
 def test_an_answer_is_whole_or_not_there(database: Database) -> None:
-    begin(database)
     with pytest.raises(IntegrityError), database.write() as conn:
-        conn.execute(update(tables.idempotency).values(status=200))
+        idempotency.keep(conn, ASKED, ANSWER)
+        conn.execute(update(tables.idempotency).values(status=None))

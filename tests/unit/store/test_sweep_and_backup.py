@@ -30,7 +30,7 @@ from store.errors import (
     TaskNotFound,
     UnsupportedDatabase,
 )
-from store.idempotency import Request
+from store.idempotency import Answer, Request
 from store.records import Collection, Shape, Task
 from store.settings import Settings
 from store.sql import now
@@ -167,7 +167,7 @@ def test_old_queries_keys_and_tombstones_go(
         shapes.delete(conn, shape.collection_id, shape.id)
         query = tasks.list_page(conn, kind="query").items[0]
         tasks.cancel(conn, query.id)
-        idempotency.begin(conn, Request("k", "p", "POST", "/", "f"), keep_seconds=-1, lock_seconds=-1)
+        idempotency.keep(conn, Request("k", "p", "POST", "/", "f"), Answer(200), keep_seconds=-1)
         long_ago = now(-30 * 86400)
         conn.execute(update(tables.tombstone).values(deleted_at=long_ago))
         conn.execute(update(tables.task).where(tables.task.c.kind == "query").values(finished_at=long_ago))
