@@ -19,6 +19,7 @@ from service.problems import problem_response, task_problem, value_of
 from service.replay import REPLAYED, json_response, once, same_request
 from service.routes.common import CollectionPath, IdempotencyKey, api_router, open_collection
 from service.routes.documents import QUERY
+from service.routes.tasks import ASKED_BY
 from service.schemas.common import Body, Finite
 from service.schemas.queries import (
     AnswerValue,
@@ -117,7 +118,8 @@ def _enqueue(
 
             def work() -> Response:
                 upload.check_kept(sha256)
-                task = tasks.enqueue(conn, "query", collection_id=opened.id, params=params, blob=sha256)
+                asking = {**params, ASKED_BY: principal.key_id}
+                task = tasks.enqueue(conn, "query", collection_id=opened.id, params=asking, blob=sha256)
                 location = {"Location": f"/v1/tasks/{task.id}"}
                 return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)
 

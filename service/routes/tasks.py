@@ -20,7 +20,10 @@ from store import tasks
 from store.errors import TaskNotFound
 from store.records import Task
 
-__all__ = ["router", "visible_task"]
+__all__ = ["ASKED_BY", "router", "visible_task"]
+
+ASKED_BY = "asked_by"
+"""The parameter of a query's task that names the key that asked."""
 
 router = api_router("tasks")
 
@@ -71,10 +74,15 @@ def _check(here: Context, principal: Principal, task_id: str) -> TaskValue:
 
 
 @router.post("/tasks/{task}/cancel", operation_id="cancelTask", summary="Cancel a task")
-def cancel_task(here: Here, principal: Writer, task: IdPath) -> TaskValue:
-    """A queued task is cancelled at once; a running one as soon as its worker hears of it."""
+def cancel_task(here: Here, principal: Reader, task: IdPath) -> TaskValue:
+    """A queued task is cancelled at once; a running one as soon as its worker hears of it.
+
+    Needs a key that may write, or for a query the key that asked it.
+    """
     with here.database.write() as conn:
-        visible_task(conn, principal, task)
+        found = visible_task(conn, principal, task)
+        if principal.key_id is None or found.params.get(ASKED_BY) != principal.key_id:
+            principal.need("write")
         cancelled = tasks.cancel(conn, task)
         value = task_value(conn, cancelled)
     if cancelled.blob is not None:

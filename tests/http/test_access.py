@@ -244,3 +244,17 @@ def test_names_are_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("REEBASE_HOSTS", "Shapes.example, other.example")
     known = ServiceSettings(home=tmp_path, host="192.168.1.5").known_hosts
     assert known is not None and {"shapes.example", "other.example", "localhost"} <= known
+
+
+def test_a_reader_cancels_the_queries_it_asked_and_nothing_else(keyed: Make) -> None:
+    admin, reader, other = keyed("admin"), keyed("read"), keyed("read")
+    admin.post("/v1/collections", json={"name": "asked"}).raise_for_status()
+    shape = admin.post("/v1/collections/asked/shapes", content=different(70)).json()["task"]["id"]
+    own, foreign = (
+        client.post("/v1/collections/asked/query?wait=0", content=different(71)).json()["task"]["id"]
+        for client in (reader, other)
+    )
+    assert reader.post(f"/v1/tasks/{own}/cancel").json()["state"] == "cancelled"
+    for task in (shape, foreign):
+        is_problem(reader.post(f"/v1/tasks/{task}/cancel"), 403, "forbidden_scope")
+    assert admin.post(f"/v1/tasks/{foreign}/cancel").json()["state"] == "cancelled"
