@@ -138,7 +138,10 @@ def adjacent_faces(u: Float, faces: Int32, first: Int32, offset: Int64) -> tuple
                 count = _chain(f, v, v, below, above, owner[v], pairs, ends, count)
     for p in range(by_edges, count):
         _join(part, pairs[p, 0], pairs[p, 1])
-    return pairs[:count], ends[:count], int(np.sum(part == np.arange(n)))
+    parts = 0
+    for f in range(n):
+        parts += part[f] == f
+    return pairs[:count], ends[:count], parts
 
 
 @njit(cache=True, nogil=True)
@@ -166,7 +169,7 @@ def join_pieces(
                 shared = True
         if not shared:  # the edge lies in the level between bands low and high = low + 1
             below, above = (f, g) if first[g] == high else (g, f)
-            across[crossings] = offset[below + 1] - 1, offset[above]
+            across[crossings, 0], across[crossings, 1] = offset[below + 1] - 1, offset[above]
             crossings += 1
     component = np.empty(len(parent), np.int64)
     count = 0
@@ -183,10 +186,10 @@ def join_pieces(
         for x in range(offset[f], offset[f + 1]):
             band_of[component[x]] = first[f] + x - offset[f]
             if x > offset[f]:
-                adjacent[q] = component[x - 1], component[x]
+                adjacent[q, 0], adjacent[q, 1] = component[x - 1], component[x]
                 q += 1
     for p in range(crossings):
-        adjacent[q + p] = component[across[p, 0]], component[across[p, 1]]
+        adjacent[q + p, 0], adjacent[q + p, 1] = component[across[p, 0]], component[across[p, 1]]
     return component, band_of, adjacent
 
 

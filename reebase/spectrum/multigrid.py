@@ -104,10 +104,11 @@ def first_eigenpairs(C: csr_matrix, mass: Array, mesh: Mesh, count: int) -> tupl
             if levels is None:
                 return None
             eigenvalues, X = _coarsest(levels[-1])
-            for level in levels[-2:0:-1]:
-                eigenvalues, X, _ = _refined(level, carry(level.column, level.weight, X), WIDTH, SWEEPS)
-            X = carry(levels[0].column, levels[0].weight, X)
-            eigenvalues, X, converged = _refined(levels[0], X, count, STEPS)
+            converged = False
+            for level in levels[-2::-1]:
+                start = carry(level.column, level.weight, X)
+                steps = STEPS if level is levels[0] else SWEEPS
+                eigenvalues, X, converged = _refined(level, start, count, steps)
         except LinAlgError:
             return None
     return (eigenvalues[:count], X[:, :count]) if converged else None
@@ -126,6 +127,7 @@ def _levels(C: csr_matrix, mass: Array, mesh: Mesh) -> list[_Level] | None:
             return None
         points = level.points[seeds]
         triangles, starts, around = kernels.coarse_triangles(level.faces, owner, len(seeds))
+        points.flags.writeable = triangles.flags.writeable = False  # as those of a mesh: one type for the kernels
         level.column, level.weight = kernels.interpolate(
             level.pointers, level.indices, level.points, points, owner, seeds, triangles, starts, around
         )
@@ -170,7 +172,7 @@ def _cycle(level: _Level, b: Single) -> Single:
     return x
 
 
-def _refined(level: _Level, X: Array, count: int, steps: int) -> tuple[Array, Array, bool]:
+def _refined(level: _Level, X: Single, count: int, steps: int) -> tuple[Array, Array, bool]:
     """Ritz values (WIDTH,) and vectors, and whether the first ``count`` are as accurate as promised.
 
     S = [X, P, W]: iterates, the last step, preconditioned residuals; no P at first. G = S^T C S and H = S^T R S are

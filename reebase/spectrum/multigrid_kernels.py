@@ -388,9 +388,9 @@ def ascend(
 
 
 @njit(cache=True, nogil=True)
-def carry(column: Int32, weight: Float, X: Float) -> Float:
-    """P X, (m, 4)."""
-    carried = np.zeros((len(column), 4))
+def carry(column: Int32, weight: Float, X: Float) -> Single:
+    """P X, (m, 4), where X are the first four columns. As a start it needs few digits."""
+    carried = np.zeros((len(column), 4), np.float32)
     for i in range(len(column)):
         for corner in range(3):
             k, w = column[i, corner], weight[i, corner]
@@ -413,7 +413,7 @@ def residual(mass: Float, S: Float, CS: Float, eigenvalues: Float, b: Single) ->
 
 @njit(cache=True, nogil=True)
 def image(
-    pointers: Int32, indices: Int32, values: Float, mass: Float, x: npt.NDArray[np.floating],
+    pointers: Int32, indices: Int32, values: Float, mass: Float, x: Single,
     S: Float, CS: Float, RS: Float,
 ) -> None:  # fmt: skip
     """S = x without its mean under R, CS = C x, RS = R S."""

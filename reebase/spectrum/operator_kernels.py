@@ -116,7 +116,10 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
     """
     m = len(cursor)
     pointers = np.zeros(m + 1, np.int32)
-    sides = np.empty(np.max(np.diff(starts)), np.int32)  # of each edge at v
+    most = 0
+    for v in range(m):
+        most = max(most, starts[v + 1] - starts[v])
+    sides = np.empty(most, np.int32)  # of each edge at v
     crowded = 0
     for v in range(m):
         begin = end = starts[v]
