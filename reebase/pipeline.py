@@ -33,7 +33,7 @@ from reebase.spectrum import field as scalar_field
 
 __all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton"]
 
-PIPELINE_VERSION = 1
+PIPELINE_VERSION = 2
 """Raised whenever the same mesh and profile would give other numbers; nothing is compared across versions."""
 
 STAGES = ("read", "clean", "denoise", "operator", "eigenpairs", "skeleton", "features")
