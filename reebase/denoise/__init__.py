@@ -1,10 +1,12 @@
 """Removing noise from a mesh: positions in, positions out, the faces untouched.
 
 ``denoise(mesh, method)`` runs a filter of ``METHODS`` by name; each family is a module of its own.
+``choose`` says what ``auto`` would run and why.
 ``add_noise`` makes noisy meshes by seed, and the measures in ``errors`` say how far a result is from the
 truth.
 """
 
+from reebase.denoise.automatic import Choice
 from reebase.denoise.errors import (
     face_normal_error,
     mean_angle,
@@ -12,10 +14,10 @@ from reebase.denoise.errors import (
     visual_error,
     volume_change,
 )
-from reebase.denoise.filters import BOUNDARIES, METHODS, denoise
+from reebase.denoise.filters import BOUNDARIES, METHODS, choose, denoise
 from reebase.denoise.noise import NOISES, add_noise
 
 __all__ = [
-    "BOUNDARIES", "METHODS", "NOISES", "add_noise", "denoise", "face_normal_error", "mean_angle",
+    "BOUNDARIES", "METHODS", "NOISES", "Choice", "add_noise", "choose", "denoise", "face_normal_error", "mean_angle",
     "vertex_error", "visual_error", "volume_change",
 ]  # fmt: skip

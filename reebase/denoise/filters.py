@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise.anisotropic import ANISOTROPIC
+from reebase.denoise.automatic import AUTO, Choice, chosen
 from reebase.denoise.bilateral import BILATERAL
 from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
 from reebase.denoise.fairing import FAIRING
@@ -26,13 +27,13 @@ from reebase.errors import ParameterError, unknown_name
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import Rings, rings
 
-__all__ = ["BOUNDARIES", "METHODS", "denoise"]
+__all__ = ["BOUNDARIES", "METHODS", "choose", "denoise"]
 
 METHODS: dict[str, Filter] = {
     entry.name: entry
     for entry in (
         LAPLACIAN, MEAN, ANGLE_MEDIAN, WEIGHTED_LAPLACIAN, BILATERAL, ANISOTROPIC, GRAPH_P_LAPLACIAN, KERNEL, UNIFORM,
-        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN, FAIRING,
+        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN, FAIRING, AUTO,
     )
 }  # fmt: skip
 """Every filter by name."""
@@ -81,6 +82,13 @@ def denoise(
     for _ in range(iterations):
         positions = positions + hold(positions, step(positions))
     return Mesh(mesh.vertices + scale * (positions - start), mesh.faces)
+
+
+def choose(mesh: Mesh) -> Choice:
+    """What ``denoise(mesh, "auto")`` runs, and why; "none" for a mesh without extent."""
+    around = rings(mesh.faces, len(mesh.vertices))
+    start, scale = framed(mesh.vertices, around)
+    return chosen(Surface(start, mesh.faces, around, scale))
 
 
 def held(boundary: str, around: Rings) -> Hold:

@@ -24,7 +24,7 @@ import numpy as np
 from reebase.denoise.filter import FloatArray, Number, Ruled, Step, Surface
 from reebase.mesh.geometry import normalised
 
-__all__ = ["FITTING", "Diffusion", "fitted", "noise_level"]
+__all__ = ["FITTING", "Diffusion", "fitted", "noise_level", "noise_levels"]
 
 Diffusion = Callable[[FloatArray], tuple[FloatArray, float]]
 """From positions, (m, 3), to F, (m, 3), and W."""
@@ -71,7 +71,12 @@ def least_return(residual: FloatArray, change: FloatArray, allowed: float) -> fl
 
 
 def noise_level(surface: Surface) -> float:
-    """The standard deviation of the noise along the normals, in mean edge lengths.
+    """The standard deviation of the noise along the normals, in mean edges: the robust one of ``noise_levels``."""
+    return noise_levels(surface)[0]
+
+
+def noise_levels(surface: Surface) -> tuple[float, float]:
+    """The standard deviation of the noise along the normals, in mean edge lengths, by a median and by a mean.
 
     r_i = n_i . (v_i - mean_{j~i} v_j) is what stands out of the neighbours; of two neighbours the difference is taken,
     in which curvature that they share cancels, over the root of the factor by which it enlarges the variance of
@@ -79,7 +84,8 @@ def noise_level(surface: Surface) -> float:
 
         (1 + 1/d_i)^2 + (1 + 1/d_j)^2 + c (1/d_i - 1/d_j)^2 + (d_i - 1 - c)/d_i^2 + (d_j - 1 - c)/d_j^2,
 
-    with c the triangles on the edge. The level is 1.4826 times the median magnitude over the edges.
+    with c the triangles on the edge. The first level is 1.4826 times the median magnitude over the edges; the second
+    their root mean square, which is the same for Gaussian noise and larger for impulses, and where features stand out.
     """
     from reebase.denoise.laplacian_kernels import laplacian_step
     from reebase.denoise.ring_kernels import vertex_normals
@@ -92,7 +98,7 @@ def noise_level(surface: Surface) -> float:
     first, second = np.repeat(np.arange(len(degrees)), degrees), rings.neighbours
     once = first < second
     if not once.any():
-        return 0.0
+        return 0.0, 0.0
     first, second = first[once], second[once]
     common = np.minimum(rings.shared[once], np.minimum(degrees[first], degrees[second]) - 1)
     one, other = 1 / degrees[first], 1 / degrees[second]
@@ -100,4 +106,5 @@ def noise_level(surface: Surface) -> float:
         (1 + one) ** 2 + (1 + other) ** 2 + common * (one - other) ** 2
         + (1 - (1 + common) * one) * one + (1 - (1 + common) * other) * other
     )  # fmt: skip
-    return 1.4826 * float(np.median(np.abs(offsets[first] - offsets[second]) / np.sqrt(gain)))
+    sizes = np.abs(offsets[first] - offsets[second]) / np.sqrt(gain)
+    return 1.4826 * float(np.median(sizes)), math.sqrt((sizes**2).mean())

@@ -7,6 +7,9 @@ Approach to Fair Surface Design, SIGGRAPH 1995.
     v_i <- v_i + lambda sum_{j~i} (v_j - v_i) / d_i,  then the same with mu
     1 / lambda + 1 / mu = ``pass_band``
 
+With ``along`` "normals" every step keeps of its move d the part n n . d, with n the normals after two steps of one
+half: nothing slides within the surface.
+
 The gain (1 - lambda k)(1 - mu k) is 1 at k = 0 and at k = pass_band, an eigenvalue of the Laplacian with weights 1/d.
 """
 
@@ -15,7 +18,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
+from reebase.denoise.filter import Choice, Filter, FloatArray, Number, Step, Surface
+from reebase.mesh.geometry import normalised
 
 __all__ = ["TAUBIN"]
 
@@ -25,6 +29,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     from reebase.denoise.laplacian_kernels import laplacian_step
 
     rings = surface.rings
+    normals = first_normals(surface) if parameters["along"] == "normals" else None
     shrinking = parameters["step"]
     swelling = 1 / (parameters["pass_band"] - 1 / shrinking)
 
@@ -32,10 +37,25 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
         begin = positions
         for share in (shrinking, swelling):
             move = laplacian_step(positions, rings.neighbour_starts, rings.neighbours, share)
+            if normals is not None:
+                move = (move * normals).sum(axis=1)[:, None] * normals
             positions = positions + surface.hold(positions, move)
         return positions - begin
 
     return step
+
+
+def first_normals(surface: Surface) -> FloatArray:
+    """The area-weighted vertex normals, (m, 3), after two steps of one half."""
+    from reebase.denoise.laplacian_kernels import laplacian_step
+    from reebase.denoise.ring_kernels import vertex_normals
+
+    positions = surface.positions
+    for _ in range(2):
+        positions = positions + laplacian_step(
+            positions, surface.rings.neighbour_starts, surface.rings.neighbours, 0.5
+        )
+    return normalised(vertex_normals(positions, surface.faces, True))
 
 
 TAUBIN = Filter(
@@ -45,5 +65,6 @@ TAUBIN = Filter(
     parameters={
         "step": Number(0.5, 0.0, 0.9, "lambda, the share of the way to the mean", above_low=True),
         "pass_band": Number(0.1, 0.0, 0.5, "the frequency up to which nothing is damped, of at most 2"),
+        "along": Choice("anything", ("anything", "normals"), "what vertices move along: the normals keep them apart"),
     },
 )
