@@ -1,4 +1,4 @@
-"""The command line: what `reebase` does without the application (ingest, evaluate, query, skeleton)."""
+"""The command line: what `reebase` does without the application (ingest, evaluate, query, skeleton, denoise)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ try:
 except ImportError as missing:  # pragma: no cover - depends on what is installed
     raise MissingPackage("The command line needs typer: pip install 'reebase[client]'.") from missing
 
+from reebase.cli.denoise import EPILOG, denoise
 from reebase.cli.evaluate import evaluate
 from reebase.cli.ingest import ingest
 from reebase.cli.query import query
@@ -28,6 +29,7 @@ app = typer.Typer(
 )
 for command in (skeleton, evaluate, ingest, query):
     app.command()(command)
+app.command(epilog=EPILOG)(denoise)
 
 
 def main() -> None:

@@ -1,0 +1,147 @@
+"""`reebase denoise`: one mesh in, one mesh out, with noise taken from it or added to it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from reebase.cli.output import STDOUT, check_picture, check_target, results, shown, write_bytes
+from reebase.denoise import METHODS
+from reebase.errors import ParameterError, ReebaseError
+
+if TYPE_CHECKING:
+    from reebase.mesh.mesh import Mesh
+
+__all__ = ["EPILOG", "denoise"]
+
+EPILOG = "\n\n".join(["Methods:", *(f"{entry.name}: {entry.summary}" for entry in METHODS.values())])
+"""Shown below the options."""
+
+
+def denoise(
+    mesh: Annotated[Path, typer.Argument(help="A mesh file.", exists=True, dir_okay=False)],
+    target: Annotated[Path, typer.Argument(help="Write the result here; its suffix says the format.")],
+    method: Annotated[
+        str, typer.Option(help="How; 'none' leaves the mesh, to add noise only. The methods are below.")
+    ] = "auto",
+    iterations: Annotated[int, typer.Option(help="Iterations.", min=1, max=1000)] = 1,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="A parameter of the method; repeatable.")
+    ] = None,
+    boundary: Annotated[str, typer.Option(help="Boundary vertices: along their curve, fixed or free.")] = "curve",
+    noise: Annotated[
+        float | None, typer.Option(help="First add noise of this standard deviation, in mean edge lengths.", min=0.0)
+    ] = None,
+    kind: Annotated[str, typer.Option(help="Kind of noise: normal, hadamard or isotropic.")] = "normal",
+    seed: Annotated[int, typer.Option(help="Seed of the noise.", min=0)] = 0,
+    truth: Annotated[
+        Path | None, typer.Option(help="The true mesh, with the same faces: print errors.", exists=True, dir_okay=False)
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="Write a picture before and after (.png or .svg).")] = None,
+) -> None:
+    """Take noise from a mesh, or add some.
+
+    With --noise and without --truth the mesh itself is the truth. Exit code 0: written. 2: a mesh or an option was
+    refused.
+    """
+    from reebase.denoise import add_noise, choose
+    from reebase.denoise import denoise as filtered
+    from reebase.mesh.read import read
+    from reebase.mesh.write import to_bytes
+
+    check_target(target)
+    if target == STDOUT or not target.suffix:
+        raise ParameterError(f"{shown(target.name)} has no suffix that names a format, such as .ply or .off.")
+    image = check_picture(picture)
+    if method != "none":
+        parameters = _parameters(method, set_ or [])
+    elif set_:
+        raise ParameterError("The method none has no parameters; leave --set out.")
+    before = read(mesh)
+    true = read(truth) if truth is not None else before if noise is not None else None
+    if noise is not None:
+        before = add_noise(before, noise, kind, seed)
+
+    out = results()
+    if method == "auto":
+        out.print(_said(choose(before)))
+    after = before if method == "none" else filtered(before, method, iterations, boundary=boundary, **parameters)
+    errors = [] if true is None else [(name, _errors(true, found)) for name, found in _stages(before, after)]
+    data = to_bytes(after, target.suffix[1:].lower())
+    drawn = None if picture is None else _drawn(before, after, image)
+    write_bytes(target, data)
+    if picture is not None and drawn is not None:
+        write_bytes(picture, drawn)
+    out.print(f"{shown(target.name)}: {len(after.vertices)} vertices, {len(after.faces)} faces")
+    for name, values in errors:
+        out.print(f"{name}: {', '.join(values)}")
+
+
+def _parameters(method: str, given: list[str]) -> dict[str, Any]:
+    """Parameters of a method from NAME=VALUE. Raises UnknownName, ParameterError."""
+    from reebase.errors import unknown_name
+
+    if method not in METHODS:
+        raise unknown_name("method", method, ("none", *METHODS))
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise ParameterError(f"--set takes NAME=VALUE; found {shown(text)!r}.", parameter="set", found=text)
+        found[name] = _value(value)
+    METHODS[method].checked(found)
+    return found
+
+
+def _value(text: str) -> str | bool | int | float:
+    """A truth value, a whole number, a number, or the text itself."""
+    if text.lower() in {"true", "false"}:
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _said(choice: Any) -> str:
+    """A choice as options of this command, and its reason."""
+    options = "".join(f" --set {name}={value}" for name, value in choice.parameters.items())
+    how = f"{choice.method} --iterations {choice.iterations}{options}" if choice.iterations else "none"
+    return f"auto: --method {how}\n  {choice.reason}"
+
+
+def _stages(before: Mesh, after: Mesh) -> list[tuple[str, Mesh]]:
+    return [("before", before)] if after is before else [("before", before), ("after", after)]
+
+
+def _errors(truth: Mesh, found: Mesh) -> list[str]:
+    """Every measure, with its unit. Raises ParameterError when the faces differ."""
+    import numpy as np
+
+    from reebase.denoise import face_normal_error, mean_angle, vertex_error, visual_error, volume_change
+    from reebase.mesh.geometry import mean_edge_length
+
+    edge = mean_edge_length(truth)
+    values = [
+        f"angle {mean_angle(truth, found):.2f} degrees",
+        f"face normals {face_normal_error(truth, found):.4f}",
+        f"visual {visual_error(truth, found) / edge**2:.4f} squared mean edges",
+        f"displacement {np.linalg.norm(found.vertices - truth.vertices, axis=1).mean() / edge:.4f} mean edges",
+        f"distance {100 * vertex_error(truth, found):.4f} % of the diagonal",
+    ]
+    try:
+        values.append(f"volume {volume_change(truth, found):+.3f} %")
+    except ReebaseError:
+        values.append("volume not enclosed")
+    return values
+
+
+def _drawn(before: Mesh, after: Mesh, kind: str) -> bytes:
+    from reebase.pictures import Panel, contact_sheet
+
+    panels = [Panel(found, title=name) for name, found in _stages(before, after)]
+    return contact_sheet(panels, len(panels), size=640, format=kind)

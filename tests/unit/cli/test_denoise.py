@@ -1,0 +1,105 @@
+"""`reebase denoise`: noise on, noise off, errors, a picture, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reebase.denoise import METHODS, add_noise, denoise
+from reebase.mesh.read import read
+from reebase.mesh.write import write
+from tests.command import Command
+from tests.shapes import cylinder, torus
+
+
+@pytest.fixture
+def truth(tmp_path: Path) -> Path:
+    path = tmp_path / "truth.ply"
+    write(torus(), path)
+    return path
+
+
+def test_noise_goes_on_by_seed_and_comes_off_again(command: Command, truth: Path, tmp_path: Path) -> None:
+    noisy, smooth = tmp_path / "noisy.ply", tmp_path / "smooth.ply"
+    ran = command("denoise", truth, noisy, "--method", "none", "--noise", 0.4, "--seed", 1)
+    assert ran.code == 0, ran
+    expected = add_noise(torus(), 0.4, seed=1)
+    assert np.array_equal(read(noisy).vertices, expected.vertices)
+    ran = command("denoise", noisy, smooth, "--method", "guided_normal", "--set", "sigma_s=0.4", "--iterations", 2)
+    assert ran.code == 0, ran
+    assert np.array_equal(read(smooth).vertices, denoise(expected, "guided_normal", 2, sigma_s=0.4).vertices)
+
+
+def test_a_truth_gives_the_errors_before_and_after(command: Command, truth: Path, tmp_path: Path) -> None:
+    noisy = tmp_path / "noisy.off"
+    write(add_noise(torus(), 0.2, seed=3), noisy)
+    ran = command("denoise", noisy, tmp_path / "out.off", "--method", "taubin", "--truth", truth)
+    lines = ran.out.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["out.off", "before", "after"]
+    angles = [float(line.split("angle ")[1].split()[0]) for line in lines[1:]]
+    assert angles[1] < angles[0]
+    for word in ("face normals", "squared mean edges", "displacement", "% of the diagonal", "volume"):
+        assert word in lines[2]
+
+
+def test_noise_makes_the_mesh_itself_the_truth(command: Command, tmp_path: Path) -> None:
+    path = tmp_path / "open.obj"
+    write(cylinder(), path)
+    ran = command("denoise", path, tmp_path / "out.obj", "--noise", 0.1, "--kind", "isotropic")
+    assert ran.code == 0, ran
+    assert "\nbefore: angle" in ran.out
+    assert "volume not enclosed" in ran.out
+
+
+def test_auto_says_what_it_picks_in_words_that_repeat_it(command: Command, truth: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "first.ply", tmp_path / "second.ply"
+    write(add_noise(torus(), 0.2, seed=5), truth)
+    said = command("denoise", truth, first).out.splitlines()
+    assert said[0].startswith("auto: --method ")
+    assert "of a mean edge" in said[1]
+    assert command("denoise", truth, second, *said[0].removeprefix("auto: ").split()).code == 0
+    assert np.array_equal(read(first).vertices, read(second).vertices)
+
+
+def test_auto_leaves_a_clean_mesh(command: Command, truth: Path, tmp_path: Path) -> None:
+    ran = command("denoise", truth, tmp_path / "out.ply")
+    assert ran.out.startswith("auto: --method none\n")
+    assert np.array_equal(read(tmp_path / "out.ply").vertices, torus().vertices)
+
+
+def test_a_picture(command: Command, truth: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "both.png"
+    ran = command("denoise", truth, tmp_path / "out.ply", "--noise", 0.3, "--picture", picture)
+    assert ran.code == 0, ran
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_help_lists_the_methods(command: Command) -> None:
+    said = command("denoise", "--help").out
+    for name in METHODS:
+        assert f"{name}:" in said
+
+
+def test_refusals_write_nothing(command: Command, truth: Path, tmp_path: Path) -> None:
+    target = tmp_path / "out.ply"
+    other = tmp_path / "other.ply"
+    write(cylinder(), other)
+    for arguments, said in (
+        ((truth, target, "--method", "sandpaper"), "[unknown_name]"),
+        ((truth, target, "--method", "taubin", "--set", "steps=1"), "pass_band"),
+        ((truth, target, "--method", "taubin", "--set", "step"), "NAME=VALUE"),
+        ((truth, target, "--method", "taubin", "--set", "step=much"), "step must be a number"),
+        ((truth, target, "--method", "none", "--set", "step=1"), "no parameters"),
+        ((truth, target, "--boundary", "torn"), "[unknown_name]"),
+        ((truth, target, "--truth", other), "same faces"),
+        ((truth, target, "--kind", "pink", "--noise", "0.1"), "[unknown_name]"),
+        ((truth, tmp_path / "out"), "suffix"),
+        ((truth, tmp_path / "out.docx"), "[unknown_name]"),
+        ((truth, tmp_path / "no" / "out.ply"), "no folder"),
+    ):
+        ran = command("denoise", *arguments)
+        assert ran.code == 2, ran
+        assert said in ran.err, ran
+    assert not target.exists()
