@@ -9,6 +9,9 @@ each number of iterations; then, at the numbers that --details names, the face-n
 (2.33) in squared mean edges, the mean distance of vertices to the true surface in percent of the bounding box's
 diagonal, the mean absolute change of volume in percent over closed truths, and nanoseconds of processor time per vertex
 and iteration, topology included. An iteration of a filter of normals is one round of several passes.
+Then `auto` stands beside each fixed filter at the number of iterations that serves it best: mean angle, E, the mean
+displacement in mean edges, the change of volume, and the angle by kind of shape where pairs.csv has a column kind;
+below it bootstrap intervals over shapes of auto's angle and of what the best three leave more, and its choices.
 On denoise-a a second row states what a prototype of the same reading, or other implementations of the same paper at
 the same setting, measured; the script exits 1 when ours is more than 0.3 degrees off (or, for the latter, worse).
 """
@@ -19,6 +22,7 @@ import argparse
 import csv
 import os
 import platform
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -29,6 +33,7 @@ import numpy as np
 from reebase.denoise import (
     METHODS,
     add_noise,
+    choose,
     denoise,
     face_normal_error,
     mean_angle,
@@ -62,6 +67,12 @@ def pairs_in(folder: Path) -> list[Pair]:
     with (folder / "pairs.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     return [(row["noisy"], read(folder / row["noisy"]), read(folder / row["truth"])) for row in rows]
+
+
+def kinds_in(folder: Path) -> list[str]:
+    """The kind of shape of each pair, where the list has it; else none."""
+    with (folder / "pairs.csv").open(newline="") as lines:
+        return [row["kind"] for row in csv.DictReader(lines) if row.get("kind")]
 
 
 def synthetic_pairs() -> list[Pair]:
@@ -159,6 +170,51 @@ def detail_table(runs: dict[str, Run], pairs: list[Pair], iterations: list[int])
             print(f"{1e9 * seconds / vertices / count:9.0f}", flush=True)
 
 
+def comparison(
+    runs: dict[str, Run], pairs: list[Pair], rows: dict[str, list[float]], iterations: list[int], kinds: list[str]
+) -> None:
+    """auto once, and every other run at its best number of iterations: angle, E, displacement, volume, kinds."""
+    groups = sorted(set(kinds))
+    found: dict[str, np.ndarray] = {}
+    heads = ("angle", "E (3.8)", "disp", "volume %", *groups)
+    print("\nauto beside fixed filters".ljust(29), *(head[:9].rjust(9) for head in heads))
+    for name, run in sorted(runs.items(), key=lambda entry: entry[0] != "auto"):
+        count = 1 if name == "auto" else iterations[int(np.argmin(rows[name]))]
+        results = [run(noisy, count) for _, noisy, _ in pairs]
+        both = [(truth, result) for (_, _, truth), result in zip(pairs, results, strict=True)]
+        angles = np.array([mean_angle(*pair) for pair in both])
+        moved = [np.linalg.norm(r.vertices - t.vertices, axis=1).mean() / mean_edge_length(t) for t, r in both]
+        values = (
+            angles.mean(), np.mean([face_normal_error(*pair) for pair in both]), np.mean(moved),
+            np.mean(volume_changes(pairs, results) or [np.nan]),
+            *(angles[np.array(kinds) == group].mean() for group in groups),
+        )  # fmt: skip
+        print(f"{name} x{count}".ljust(28), *(f"{value:9.3f}" for value in values), flush=True)
+        found[name] = angles
+    if "auto" not in found:
+        return
+    chosen = found.pop("auto")
+    names = [name for name, _, _ in pairs]
+    print("\nauto: {:.2f} to {:.2f} degrees, 95 % bootstrap interval over shapes".format(*interval(chosen, names)))
+    for name in sorted(found, key=lambda name: float(found[name].mean()))[:3]:
+        low, high = interval(found[name] - chosen, names)
+        print(f"{name} leaves {(found[name] - chosen).mean():.2f} more, {low:.2f} to {high:.2f}")
+    for (name, noisy, _), angle in zip(pairs, chosen, strict=True):
+        choice = choose(noisy)
+        given = ", ".join(f"{key} {value}" for key, value in choice.parameters.items())
+        print(f"{name[:28]:28} {angle:7.2f}  {choice.surface:6} {choice.method} x{choice.iterations} {given}")
+
+
+def interval(angles: np.ndarray, names: list[str], rounds: int = 10_000) -> tuple[float, float]:
+    """Of the mean angle, with whole shapes drawn: pairs whose names begin with the same letters are of one shape."""
+    shapes = np.array([re.sub(r"(_g)?\d.*", "", name.split(" ")[0]) for name in names])
+    members = [angles[shapes == one] for one in sorted(set(shapes))]
+    sums, counts = np.array([one.sum() for one in members]), np.array([len(one) for one in members])
+    drawn = np.random.default_rng(0).integers(0, len(sums), (rounds, len(sums)))
+    low, high = np.percentile(sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1), [2.5, 97.5])
+    return float(low), float(high)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=Path, default=DATA / "denoise-a")
@@ -186,6 +242,7 @@ def main() -> int:
     off = {}
     if options.folder.name == "denoise-a" and real:
         off = {name: expected_row(name, rows[name], options.iterations) for name in EXPECTED if name in rows}
+    comparison(runs, pairs, rows, options.iterations, kinds_in(options.folder) if real else [])
     if options.details:
         detail_table(runs, pairs, options.details)
     if options.each:

@@ -46,7 +46,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
 
 
 def first_normals(surface: Surface) -> FloatArray:
-    """The area-weighted vertex normals, (m, 3), after two steps of one half."""
+    """The unit mean of the normals round each vertex (1.3), (m, 3), after two steps of one half."""
     from reebase.denoise.laplacian_kernels import laplacian_step
     from reebase.denoise.ring_kernels import vertex_normals
 

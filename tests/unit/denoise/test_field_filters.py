@@ -63,6 +63,31 @@ def test_taubin_keeps_the_volume_that_a_laplacian_loses() -> None:
     assert abs(volume_change(mesh, denoise(mesh, "taubin", 20))) < -0.2 * lost
 
 
+@pytest.mark.parametrize("mesh", SHAPES.values(), ids=SHAPES)
+def test_taubin_along_normals_is_its_loop(mesh: Mesh) -> None:
+    noisy = add_noise(mesh, 0.2, "isotropic", seed=11)
+    neighbours = [sorted({int(w) for f in mesh.faces if v in f for w in f} - {v}) for v in range(len(mesh.vertices))]
+
+    def pull(positions: np.ndarray, share: float) -> np.ndarray:
+        return np.array([share * (positions[near].mean(axis=0) - positions[v]) for v, near in enumerate(neighbours)])
+
+    smooth = noisy.vertices
+    for _ in range(2):
+        smooth = smooth + pull(smooth, 0.5)
+    normals = np.zeros_like(smooth)
+    for i, j, k in mesh.faces:
+        across = np.cross(smooth[j] - smooth[i], smooth[k] - smooth[i])
+        normals[[i, j, k]] += across / np.linalg.norm(across)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    expected = noisy.vertices
+    for _ in range(2):
+        for share in (0.5, 1 / (0.1 - 1 / 0.5)):
+            moves = pull(expected, share)
+            expected = expected + np.array([(d @ n) * n for d, n in zip(moves, normals, strict=True)])
+    found = denoise(noisy, "taubin", 2, boundary="free", along="normals").vertices
+    assert found == pytest.approx(expected, abs=1e-10)
+
+
 def test_the_gain_of_taubin_is_that_of_its_formula() -> None:
     """Coordinates are nearly eigenvectors on a sphere: its radius changes by (1 - lambda k)(1 - mu k)."""
     mesh = icosphere(4)
