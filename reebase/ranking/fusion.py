@@ -1,0 +1,132 @@
+"""``fused``: one dissimilarity out of several descriptors' (METHOD §6).
+
+The idea: distances of different descriptors have no common unit, and which of them means something depends on the
+collection. Each is therefore measured in units of what lies around the two shapes compared (self-tuning scales,
+Zelnik-Manor and Perona, "Self-Tuning Spectral Clustering", NIPS 2004), and turned into a similarity that only nearness
+raises: a descriptor that sees two shapes far apart has nothing to say, and one that sees them near has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from reebase.errors import ParameterError
+
+__all__ = ["PARTS", "REFERENCES", "Fused", "Statistics", "fuse", "fused_matrix", "query_scales", "statistics"]
+
+Array = npt.NDArray[np.float64]
+Rows = Mapping[str, Array]
+
+PARTS: tuple[str, ...] = ("extended", "hks", "wks", "d2")
+"""Names of the descriptors that are fused, each by its default measure."""
+
+REFERENCES = 512
+"""Shapes of a collection from which scales are taken; of a smaller collection all."""
+
+NEAREST = 10
+"""Nearest references whose mean distance is the scale of a shape."""
+
+SMALLEST = 1e-12
+"""Scales below this count as this: copies of one shape are at distance 0 from one another."""
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is known of a collection of n shapes, by part.
+
+    scales: part -> mean distance of each shape to its nearest references, > 0, float64, (n,).
+    """
+
+    scales: Mapping[str, Array]
+
+    def among(self, shapes: npt.ArrayLike) -> Statistics:
+        """Of some of the shapes, by index and in that order."""
+        return Statistics({part: of[np.asarray(shapes)] for part, of in self.scales.items()})
+
+
+class Fused(NamedTuple):
+    """dissimilarities: >= 0, in nats, float64, (n,). shares: part -> its share of the similarity, (n,), in all 1."""
+
+    dissimilarities: Array
+    shares: Mapping[str, Array]
+
+
+def statistics(distances: Rows, references: npt.ArrayLike) -> Statistics:
+    """Of n shapes from their distances to r of them: part -> (n, r), for every part.
+
+    references: which of the n these are, int, (r,). A shape's distance to itself is left out. Row i depends on row i
+    alone: a shape that comes to a large collection adds a row, and the others stay.
+    Raises ParameterError when a part is missing or shapes do not agree.
+    """
+    columns = np.asarray(references, dtype=np.int64)
+    _check(distances, (None, len(columns)))
+    scales = {}
+    for part in PARTS:
+        rows = np.array(distances[part], dtype=np.float64)
+        rows[columns, np.arange(len(columns))] = np.inf
+        scales[part] = _scales(rows)
+    return Statistics(scales)
+
+
+def query_scales(distances: Rows) -> dict[str, float]:
+    """The scales of a shape from outside, from its distances to the references: part -> (r,).
+
+    Raises as ``statistics``.
+    """
+    _check(distances, (None,))
+    return {part: float(_scales(np.array(distances[part], dtype=np.float64)[None])[0]) for part in PARTS}
+
+
+def fuse(distances: Rows, own: Mapping[str, float], collection: Statistics) -> Fused:
+    """The fused dissimilarity of a query to n shapes.
+
+    distances: part -> (n,). own: the query's scales, its own row of ``collection.scales`` where it is one of the
+    shapes. F = -log mean_p exp(-d_p^2 / (s_p s~_p)). Symmetric; 0 where all parts are 0. Raises as ``statistics``.
+    """
+    count = len(collection.scales[PARTS[0]])
+    _check(distances, (count,))
+    exponents = np.stack([np.square(distances[part]) / (own[part] * collection.scales[part]) for part in PARTS])
+    least = exponents.min(axis=0)
+    kernels = np.exp(least - exponents)
+    total = kernels.sum(axis=0)
+    dissimilarities = np.maximum(least - np.log(total / len(PARTS)), 0.0)
+    return Fused(dissimilarities, dict(zip(PARTS, kernels / total, strict=True)))
+
+
+def fused_matrix(distances: Rows, collection: Statistics | None = None) -> Array:
+    """The fused dissimilarity of all pairs, part -> (n, n); row i is what ``fuse`` gives for shape i as query.
+
+    collection: its statistics; by default those of these n shapes, all of them references. Float64, (n, n).
+    """
+    count = len(distances[PARTS[0]]) if PARTS[0] in distances else 0
+    _check(distances, (count, count))
+    known = statistics(distances, np.arange(count)) if collection is None else collection
+    out = np.zeros((count, count))
+    for i in range(count):
+        own = {part: float(known.scales[part][i]) for part in PARTS}
+        out[i] = fuse({part: distances[part][i] for part in PARTS}, own, known).dissimilarities
+    return out
+
+
+def _scales(rows: Array) -> Array:
+    """Mean of the nearest in each row, those at infinity left out; 1 where there is none."""
+    near = np.sort(rows, axis=1)[:, :NEAREST]
+    present = np.isfinite(near)
+    total = np.where(present, near, 0.0).sum(axis=1)
+    count = present.sum(axis=1)
+    return np.where(count > 0, np.maximum(total / np.maximum(count, 1), SMALLEST), 1.0)
+
+
+def _check(distances: Rows, shape: tuple[int | None, ...]) -> None:
+    for part in PARTS:
+        if part not in distances:
+            raise ParameterError(f"fused needs the distances of {', '.join(PARTS)}; found no {part}.", parameter=part)
+        found = np.shape(distances[part])
+        if len(found) != len(shape) or any(w is not None and w != f for w, f in zip(shape, found, strict=True)):
+            wanted = ", ".join("n" if w is None else str(w) for w in shape)
+            raise ParameterError(f"Distances of {part} must have shape ({wanted}); found {found}.", parameter=part)
