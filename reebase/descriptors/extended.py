@@ -18,7 +18,7 @@ from reebase.descriptors.maxima import Maxima, persistent_maxima
 from reebase.descriptors.surface import Surface
 from reebase.spectrum.signatures import heat_kernel_signature
 
-__all__ = ["LEAST", "TIME", "describe", "endpoints"]
+__all__ = ["LEAST", "TIME", "describe", "endpoints", "place"]
 
 TIME = 0.03
 """Time of the auto diffusion field over the area."""
@@ -41,6 +41,11 @@ def endpoints(surface: Surface) -> Maxima:
     """
     field = np.log(heat_kernel_signature(surface.spectrum(), TIME)[:, 0])
     return persistent_maxima(surface.body, field, LEAST)
+
+
+def place(surface: Surface) -> npt.NDArray[np.float64]:
+    """Where the endpoints lie, in the order of the rows of ``describe``, float64, (k, 3)."""
+    return surface.body.vertices[endpoints(surface).vertices]
 
 
 def describe(surface: Surface) -> npt.NDArray[np.float64]:

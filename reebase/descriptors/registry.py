@@ -9,12 +9,12 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, shape_dna, srg, vectors, wks
+from reebase.descriptors import d2, extended, gps, hks, shape_dna, srg, wks
 from reebase.descriptors.surface import Surface, surface_of
+from reebase.descriptors.vectors import VECTORS
 from reebase.errors import unknown_name
-from reebase.evaluation.matrix import dissimilarity_matrix
-from reebase.matching import MEASURES
-from reebase.matching.charged import charged_matrix
+from reebase.matching import ENDPOINTS, MEASURES, Comparison, Match, Stack
+from reebase.matching.charged import CHARGED
 from reebase.mesh.mesh import Mesh
 from reebase.pipeline import Description
 
@@ -22,23 +22,25 @@ __all__ = ["DESCRIPTORS", "Descriptor", "descriptor_named"]
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[float], None]
-Matrix = Callable[[Sequence[Array], str, Progress | None], Array]
 
 
 @dataclass(frozen=True)
 class Descriptor:
     """One way to describe a shape, and the ways to compare what it keeps.
 
-    keep: surface -> what is kept of it, float64; a vector, or a row for each endpoint.
-    matrix: what is kept of n shapes, the name of a measure, and a listener to progress -> (n, n), row = query.
-    measures: names of the measures, the default first.
+    keep: surface -> what is kept of it, float64; a vector, or a row for each endpoint. Rounding it to float32 must
+    not change a ranking. comparison: how that is compared. measures: names of the measures, the default first.
+    version: raised when the same surface would give other numbers, or a measure another dissimilarity.
+    place: surface -> where the rows of ``keep`` lie on it, (k, 3), for endpoints.
     """
 
     name: str
     summary: str
     keep: Callable[[Surface], Array]
-    matrix: Matrix
+    comparison: Comparison
     measures: tuple[str, ...]
+    version: int = 1
+    place: Callable[[Surface], Array] | None = None
 
     def describe(self, shape: Description | Mesh | Surface) -> Array:
         """What is kept of a shape: a description, a cleaned mesh, or a surface that several descriptors share.
@@ -50,16 +52,28 @@ class Descriptor:
     def distances(
         self, kept: Sequence[Array], measure: str | None = None, *, progress: Progress | None = None
     ) -> Array:
-        """The dissimilarity of all pairs, >= 0, float64, (n, n), row = query; it may depend on the whole set.
+        """The dissimilarity of all pairs, >= 0, float64, (n, n), row = query.
 
         progress: called with the fraction of the work that is done. Raises UnknownName for a measure that is not
         among ``measures``, ParameterError for arrays that this descriptor did not make.
         """
-        return self.matrix(kept, self.measure_named(measure), progress)
+        return self.comparison.matrix(kept, self.measure_named(measure), progress)
+
+    def distances_to(self, query: Array, kept: Sequence[Array], measure: str | None = None) -> Array:
+        """The dissimilarity of one shape with each of n, float64, (n,), the bits of its row in ``distances``."""
+        chosen, rows = self.measure_named(measure), self.comparison.rows
+        asked = rows(query, "query")
+        stack = Stack.of([asked, *(rows(one, f"kept[{i}]") for i, one in enumerate(kept))])
+        return self.comparison.one_to_many(asked, stack.since(1), chosen)
 
     def compare(self, first: Array, second: Array, measure: str | None = None) -> float:
         """The dissimilarity of two shapes, ``first`` the query. Raises as ``distances``."""
-        return float(self.distances([first, second], measure)[0, 1])
+        return float(self.distances_to(first, [second], measure)[0])
+
+    def explain(self, first: Array, second: Array, measure: str | None = None) -> Match | None:
+        """Which rows of the two went together, and what each adds; None for a descriptor that is one vector."""
+        chosen = self.measure_named(measure)
+        return None if self.comparison.explain is None else self.comparison.explain(first, second, chosen)
 
     def measure_named(self, measure: str | None) -> str:
         """The measure, or the default for None. Raises UnknownName with the names that would do."""
@@ -68,30 +82,18 @@ class Descriptor:
         return measure or self.measures[0]
 
 
-def _endpoints(kept: Sequence[Array], measure: str, progress: Progress | None) -> Array:
-    return dissimilarity_matrix(kept, measure, progress=progress)
-
-
-def _charged(kept: Sequence[Array], measure: str, progress: Progress | None) -> Array:
-    return charged_matrix(kept, progress)
-
-
-def _vectors(kept: Sequence[Array], measure: str, progress: Progress | None) -> Array:
-    return vectors.distances(kept, measure)
-
-
 DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
     descriptor.name: descriptor
     for descriptor in (
         Descriptor("srg", "Endpoints of the spectral Reeb graph, compared by D.",
-                   srg.describe, _endpoints, tuple(MEASURES)),
+                   srg.describe, ENDPOINTS, tuple(MEASURES)),
         Descriptor("extended", "Endpoints of the auto diffusion field with heat signatures, compared by D.",
-                   extended.describe, _charged, ("matching",)),
-        Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, _vectors, ("l2", "l1")),
-        Descriptor("hks", "Quantiles of the heat kernel signature.", hks.describe, _vectors, ("l1", "l2")),
-        Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, _vectors, ("l1", "l2")),
-        Descriptor("gps", "Distances in the global point signature.", gps.describe, _vectors, ("l1", "l2")),
-        Descriptor("d2", "Distances between points of the surface.", d2.describe, _vectors, ("l1", "l2")),
+                   extended.describe, CHARGED, ("matching",), place=extended.place),
+        Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, VECTORS, ("l2", "l1")),
+        Descriptor("hks", "Quantiles of the heat kernel signature.", hks.describe, VECTORS, ("l1", "l2")),
+        Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2")),
+        Descriptor("gps", "Distances in the global point signature.", gps.describe, VECTORS, ("l1", "l2")),
+        Descriptor("d2", "Distances between points of the surface.", d2.describe, VECTORS, ("l1", "l2")),
     )
 })  # fmt: skip
 """name -> descriptor: the thesis's own, the same with richer endpoints, then the peers."""

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.errors import ParameterError
+from reebase.matching import Comparison, Stack
 
-__all__ = ["QUANTILES", "distances", "vector_distance", "weighted_quantiles"]
+__all__ = ["QUANTILES", "VECTORS", "distances", "vector_distance", "weighted_quantiles"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,13 +43,20 @@ def distances(vectors: Sequence[Array], measure: str) -> Array:
 
     Raises ParameterError when the vectors are not all of one length.
     """
-    lengths = sorted({np.size(vector) for vector in vectors})
-    if len(lengths) > 1:
-        raise ParameterError(f"Vectors of {lengths} numbers cannot be compared with one another.")
-    rows = np.asarray(vectors, dtype=np.float64).reshape(len(vectors), *lengths)
-    out = np.zeros((len(rows), len(rows)))
-    for i, row in enumerate(rows[:-1]):
-        difference = rows[i + 1 :] - row
-        length = np.abs(difference).sum(axis=1) if measure == "l1" else np.linalg.norm(difference, axis=1)
-        out[i, i + 1 :] = out[i + 1 :, i] = length
-    return out
+    return VECTORS.matrix(vectors, measure)
+
+
+def _as_row(vector: npt.ArrayLike, name: str) -> Array:
+    row = np.ascontiguousarray(vector, dtype=np.float64).reshape(1, -1)
+    if not np.isfinite(row).all():
+        raise ParameterError(f"{name} has values that are not finite.", parameter=name)
+    return row
+
+
+def _one_to_many(query: Array, stack: Stack, measure: str) -> Array:
+    difference = stack.values - query
+    return np.asarray(np.abs(difference).sum(axis=1) if measure == "l1" else np.linalg.norm(difference, axis=1))
+
+
+VECTORS = Comparison(_as_row, _one_to_many)
+"""Vectors of one length each, by ``l1`` or ``l2``."""

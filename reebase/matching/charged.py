@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.errors import ParameterError
+from reebase.matching.comparison import Comparison, Stack
 from reebase.matching.explanation import Match, Pair, Unmatched
 from reebase.matching.features import LARGEST
 
-__all__ = ["as_charged", "charged_matrix", "match_charged"]
+__all__ = ["CHARGED", "as_charged", "charged_matrix", "match_charged"]
 
 Array = npt.NDArray[np.float64]
 
@@ -47,24 +48,7 @@ def charged_matrix(shapes: Sequence[npt.ArrayLike], progress: Callable[[float], 
     least cost of a bijection under it.
     progress: called with the fraction of the work that is done, after each row. Raises ParameterError.
     """
-    from reebase.matching.charged_kernels import one_to_many
-
-    rows = [_ordered(as_charged(shape, f"shapes[{i}]"))[0] for i, shape in enumerate(shapes)]
-    if len({one.shape[1] for one in rows}) > 1:
-        raise ParameterError("The endpoints of all shapes must have the same number of features.", parameter="shapes")
-    count = len(rows)
-    out = np.zeros((count, count))
-    if count == 0:
-        return out
-    offsets = np.cumsum([0, *map(len, rows)], dtype=np.int64)
-    stacked = np.ascontiguousarray(np.vstack(rows))
-    for i, query in enumerate(rows):
-        found = np.empty(count - i)
-        one_to_many(query, stacked, offsets[i:], found)
-        out[i, i:] = out[i:, i] = found
-        if progress is not None:
-            progress(1.0 - (count - i - 1) * (count - i) / (count * (count + 1)))
-    return out
+    return CHARGED.matrix(shapes, "matching", progress)
 
 
 def match_charged(first: npt.ArrayLike, second: npt.ArrayLike) -> Match:
@@ -97,3 +81,19 @@ def _ordered(rows: Array) -> tuple[Array, npt.NDArray[np.int64]]:
 
 def _alone(rows: Array, matched: set[int]) -> tuple[Unmatched, ...]:
     return tuple(Unmatched(i, float(row[-1])) for i, row in enumerate(rows) if i not in matched)
+
+
+def _one_to_many(query: Array, stack: Stack, _: str) -> Array:
+    from reebase.matching.charged_kernels import one_to_many
+
+    out = np.empty(stack.shapes)
+    one_to_many(query, stack.values, stack.offsets, out)
+    return out
+
+
+CHARGED = Comparison(
+    rows=lambda kept, name: _ordered(as_charged(kept, name))[0],
+    one_to_many=_one_to_many,
+    explain=lambda first, second, _: match_charged(first, second),
+)
+"""Sets of endpoints with charges, by ``matching``."""

@@ -51,10 +51,36 @@ def test_distances_are_those_of_the_pairs(name):
             np.testing.assert_array_equal(np.diag(D), 0.0)
             assert (D[~np.eye(4, dtype=bool)] > 0).all()
         for i, first in enumerate(kept):
+            np.testing.assert_array_equal(descriptor.distances_to(first, kept, measure), D[i])
             for j, second in enumerate(kept):
                 if i != j:
                     assert descriptor.compare(first, second, measure) == D[i, j]
     np.testing.assert_array_equal(descriptor.distances(kept), descriptor.distances(kept, descriptor.measures[0]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_parts_of_a_dissimilarity_add_up_and_lie_on_the_surface(name):
+    descriptor = descriptor_named(name)
+    first, second = (descriptor.describe(surface) for surface in SURFACES[:2])
+    found = descriptor.explain(first, second)
+    if found is not None:
+        assert found.dissimilarity == descriptor.compare(first, second)
+        parts = [pair.distance for pair in found.pairs]
+        parts += [one.charge for one in (*found.unmatched_first, *found.unmatched_second)]
+        assert sum(parts) == pytest.approx(found.dissimilarity)
+    if descriptor.place is not None:
+        places = descriptor.place(SURFACES[0])
+        assert places.shape == (len(first), 3)
+        assert (places[:, None] == SHAPES[0].vertices).all(axis=2).any(axis=1).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rounding_to_single_precision_changes_no_ranking(name):
+    descriptor = descriptor_named(name)
+    kept = [descriptor.describe(surface) for surface in SURFACES]
+    rounded = [np.float64(np.float32(one)) for one in kept]
+    D, found = descriptor.distances(kept), descriptor.distances(rounded)
+    np.testing.assert_array_equal(np.argsort(found, axis=1), np.argsort(D, axis=1))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -115,6 +141,8 @@ def test_names():
         descriptor_named("hks").distances([np.zeros(160)] * 2, "matching")
     with pytest.raises(ParameterError, match="3, 4"):
         descriptor_named("hks").distances([np.zeros(3), np.zeros(4)])
+    with pytest.raises(ParameterError, match="3, 4"):
+        descriptor_named("hks").distances_to(np.zeros(3), [np.zeros(4)])
 
 
 @pytest.mark.parametrize("name", NAMES)
