@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from reebase.errors import ParameterError
 from reebase.evaluation import ranking
+from reebase.evaluation.intervals import Interval, intervals
 
 __all__ = ["SCORES", "Evaluation", "PrecisionRecall", "evaluate"]
 
@@ -25,9 +26,6 @@ SCORES: Mapping[str, Callable[[npt.NDArray[np.bool_]], float]] = MappingProxyTyp
     "map": ranking.average_precision,
 })  # fmt: skip
 """name -> measure of one ranked list; the overall figure is the mean over the queries."""
-
-_CONFIDENCE = 0.95
-_RESAMPLES_AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +63,10 @@ class Evaluation:
     classes of the mean in each. per_class: label -> the means in that class. counts: label -> number of its
     shapes, classes of one as well.
     intervals: measure -> 95 % interval of ``overall``, from resampling the queries; empty without resampling.
+    class_mean_intervals, class_intervals: the same of ``class_mean`` and, by label, of ``per_class``, from resampling
+    the queries of each class by themselves: how far they would move with other shapes of these classes. Of a class of
+    a few shapes such an interval is too narrow, as resampling knows no values but those it has.
+    tie_order: the rows in the order in which equal dissimilarities are ranked, int64, (n,).
     unlabelled: how many shapes had no label; these take no part at all, since whether they are relevant is
     not known.
     """
@@ -78,14 +80,21 @@ class Evaluation:
     class_mean: Mapping[str, float]
     per_class: Mapping[str, Mapping[str, float]]
     counts: Mapping[str, int]
-    intervals: Mapping[str, tuple[float, float]]
+    intervals: Mapping[str, Interval]
+    class_mean_intervals: Mapping[str, Interval]
+    class_intervals: Mapping[str, Mapping[str, Interval]]
     precision_recall: PrecisionRecall
     unlabelled: int
+    tie_order: npt.NDArray[np.int64]
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """Labels of the classes of one, sorted. Their shapes are no queries, only candidates."""
         return tuple(sorted(label for label, count in self.counts.items() if count == 1))
+
+    def ranked(self, row: int) -> npt.NDArray[np.int64]:
+        """All other rows, the nearest to the query ``row`` first, int64, (n - 1,)."""
+        return _nearest(self.matrix, self.tie_order, row)
 
     def to_json(self, matrix: bool = False) -> dict[str, Any]:
         """A JSON-serialisable report, with the dissimilarity matrix if asked for."""
@@ -98,10 +107,12 @@ class Evaluation:
                 "labels": list(self.left_out),
             },
             "overall": dict(self.overall),
-            "intervals": {name: list(interval) for name, interval in self.intervals.items()},
+            "intervals": _lists(self.intervals),
             "class_mean": dict(self.class_mean),
+            "class_mean_intervals": _lists(self.class_mean_intervals),
             "per_class": {
-                label: {"count": self.counts[label], **means} for label, means in self.per_class.items()
+                label: {"count": self.counts[label], **means, "intervals": _lists(self.class_intervals.get(label, {}))}
+                for label, means in self.per_class.items()
             },
             "precision_recall": self.precision_recall.to_json(),
         }
@@ -145,7 +156,9 @@ def evaluate(
             parameter="labels", labelled=len(kept),
         )  # fmt: skip
     matrix = matrix[np.ix_(known, known)]
-    lists = _ranked(matrix, kept, None if ids is None else [names[i] for i in known], queries)
+    kept_ids = [names[i] for i in known]
+    ties = np.array(range(len(known)) if ids is None else sorted(range(len(known)), key=kept_ids.__getitem__))
+    lists = _relevant(matrix, kept, ties, queries)
     scores = {
         name: np.array([measure(relevant) for relevant in lists]) for name, measure in SCORES.items()
     }
@@ -156,8 +169,9 @@ def evaluate(
         label: {name: float(values[rows_of[label]].mean()) for name, values in scores.items()}
         for label in sorted(rows_of)
     }
+    of_all, of_mean, of_class = intervals(scores, {label: rows_of[label] for label in per_class}, bootstrap, seed)
     return Evaluation(
-        ids=tuple(names[i] for i in known),
+        ids=tuple(kept_ids),
         labels=tuple(kept),
         matrix=matrix,
         queries=queries,
@@ -168,9 +182,12 @@ def evaluate(
         },
         per_class=per_class,
         counts=dict(counts),
-        intervals=_intervals(scores, bootstrap, seed) if bootstrap else {},
+        intervals=of_all,
+        class_mean_intervals=of_mean,
+        class_intervals=of_class,
         precision_recall=_precision_recall(lists),
         unlabelled=len(labels) - len(kept),
+        tie_order=ties,
     )
 
 
@@ -198,22 +215,23 @@ def _checked(
     return matrix, list(ids)
 
 
-def _ranked(
+def _nearest(
+    matrix: npt.NDArray[np.float64], ties: npt.NDArray[np.int64], row: int
+) -> npt.NDArray[np.int64]:
+    others = ties[ties != row]
+    return np.asarray(others[np.argsort(matrix[row, others], kind="stable")])
+
+
+def _relevant(
     matrix: npt.NDArray[np.float64],
     labels: list[str],
-    ids: list[str] | None,
+    ties: npt.NDArray[np.int64],
     queries: npt.NDArray[np.int64],
 ) -> list[npt.NDArray[np.bool_]]:
     """For each query, whether the shapes at rank 1, 2, ... are relevant, bool, (n - 1,)."""
     number = {label: n for n, label in enumerate(dict.fromkeys(labels))}
     classes = np.array([number[label] for label in labels])
-    by_id = np.array(range(len(labels)) if ids is None else sorted(range(len(ids)), key=ids.__getitem__))
-    lists = []
-    for query in queries:
-        others = by_id[by_id != query]
-        nearest = others[np.argsort(matrix[query, others], kind="stable")]
-        lists.append(classes[nearest] == classes[query])
-    return lists
+    return [classes[_nearest(matrix, ties, int(query))] == classes[query] for query in queries]
 
 
 def _precision_recall(lists: list[npt.NDArray[np.bool_]]) -> PrecisionRecall:
@@ -223,17 +241,5 @@ def _precision_recall(lists: list[npt.NDArray[np.bool_]]) -> PrecisionRecall:
     return PrecisionRecall(np.arange(1, levels + 1) / levels, curve, eleven)
 
 
-def _intervals(
-    scores: Mapping[str, npt.NDArray[np.float64]], bootstrap: int, seed: int
-) -> dict[str, tuple[float, float]]:
-    """Percentile intervals of the means over queries drawn with replacement."""
-    values = np.column_stack(list(scores.values()))
-    count = len(values)
-    generator = np.random.default_rng(seed)
-    means = []
-    for start in range(0, bootstrap, _RESAMPLES_AT_ONCE):
-        size = min(_RESAMPLES_AT_ONCE, bootstrap - start)
-        means.append(generator.multinomial(count, np.full(count, 1 / count), size=size) @ values / count)
-    tail = (1 - _CONFIDENCE) / 2
-    low, high = np.quantile(np.vstack(means), [tail, 1 - tail], axis=0)
-    return {name: (float(low[m]), float(high[m])) for m, name in enumerate(scores)}
+def _lists(intervals: Mapping[str, Interval]) -> dict[str, list[float]]:
+    return {name: list(interval) for name, interval in intervals.items()}

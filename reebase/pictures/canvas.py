@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import threading
+from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from reebase.errors import MissingPackage, unknown_name
 
-__all__ = ["DPI", "FONT", "FORMATS", "PALETTE", "blank", "encoded", "printable"]
+__all__ = ["DPI", "FONT", "FORMATS", "PALETTE", "THEMES", "Theme", "blank", "encoded", "printable", "theme_named"]
 
 DPI = 100
 """Pixels per inch of every figure; text and lines are sized in points against it."""
@@ -20,14 +22,40 @@ PALETTE = (
 )  # fmt: skip
 """Okabe and Ito's colours with the yellow and black replaced by ones that carry white numerals, and two more."""
 
+@dataclass(frozen=True)
+class Theme:
+    """Colours of a plot: its ground, its words, its lesser words, its lines of help, and its curves."""
+
+    ground: str
+    ink: str
+    soft: str
+    grid: str
+    curves: tuple[str, ...]
+
+
+THEMES = MappingProxyType({
+    "light": Theme("white", "#1b2733", "#5b6770", "#e4e8eb", PALETTE),
+    "dark": Theme("#151b22", "#e6ebf0", "#9aa7b3", "#2b343e", (
+        "#56B4E9", "#FF9D5C", "#2FD19B", "#F0A3D0", "#E6C229", "#9FC9FF", "#C39BE8", "#B8C0C8", "#F07C94", "#A9C66B",
+    )),
+})  # fmt: skip
+"""name -> colours."""
+
 FONT = "DejaVu Sans"
 """Comes with matplotlib, so that a picture looks the same everywhere."""
 
 _SVG = threading.Lock()
 
 
-def blank(width: int, height: int) -> Any:
-    """A white figure of that many pixels, that belongs to no window and no global list.
+def theme_named(name: str) -> Theme:
+    """Raises UnknownName."""
+    if name not in THEMES:
+        raise unknown_name("theme", name, THEMES)
+    return THEMES[name]
+
+
+def blank(width: int, height: int, ground: str = "white") -> Any:
+    """An empty figure of that many pixels, that belongs to no window and no global list.
 
     Raises MissingPackage when matplotlib is not installed.
     """
@@ -39,7 +67,7 @@ def blank(width: int, height: int) -> Any:
             "Pictures need matplotlib, which is not installed; run: pip install 'reebase[pictures]'.",
             package="matplotlib", extra="pictures",
         ) from error  # fmt: skip
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=ground)
     FigureCanvasAgg(figure)
     return figure
 

@@ -9,12 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.errors import ParameterError
-from reebase.pictures.canvas import PALETTE, blank, encoded
+from reebase.pictures.canvas import Theme, blank, encoded, theme_named
 
 __all__ = ["matrix_plot", "precision_recall_plot"]
 
-_INK = "#1b2733"
-_SOFT = "#5b6770"
+_MOST_INSIDE = 6
+_LEGEND = 150
+"""Curves that are named inside the plot, and pixels for the names beside it where there are more."""
+
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
 
 Curve = tuple[Sequence[float] | npt.NDArray[np.float64], Sequence[float] | npt.NDArray[np.float64]]
@@ -22,11 +24,12 @@ Curve = tuple[Sequence[float] | npt.NDArray[np.float64], Sequence[float] | npt.N
 
 def precision_recall_plot(
     curves: Mapping[str, Curve], *, title: str | None = None, format: str = "svg", width: int = 640,
-    height: int = 480,
+    height: int = 480, theme: str = "light",
 ) -> bytes:  # fmt: skip
     """Precision over recall, one line for each named (recall, precision), as SVG or PNG.
 
-    Lines differ in colour and in dashes. Raises ParameterError, UnknownName, MissingPackage.
+    Lines differ in colour and in dashes. More than six are named beside the plot, not in it.
+    Raises ParameterError, UnknownName, MissingPackage.
     """
     if not curves:
         raise ParameterError("The plot needs at least one curve; found none.", parameter="curves")
@@ -37,33 +40,40 @@ def precision_recall_plot(
                 "there must be as many of both, and at least one.",
                 parameter="curves",
             )  # fmt: skip
-    figure = blank(width, height)
+    colours = theme_named(theme)
+    figure = blank(width, height, colours.ground)
     top = 0.9 if title else 0.96
-    axes = figure.add_axes((64 / width, 56 / height, 1 - 88 / width, top - 56 / height))
+    beside = _LEGEND if len(curves) > _MOST_INSIDE else 0
+    axes = figure.add_axes((64 / width, 56 / height, 1 - (88 + beside) / width, top - 56 / height))
+    axes.set_facecolor(colours.ground)
     for number, (name, (recall, precision)) in enumerate(curves.items()):
         axes.plot(
-            np.asarray(recall), np.asarray(precision), color=PALETTE[number % len(PALETTE)],
+            np.asarray(recall), np.asarray(precision), color=colours.curves[number % len(colours.curves)],
             linestyle=_DASHES[number % len(_DASHES)], linewidth=2, marker="o" if len(recall) <= 21 else None,
             markersize=3.5, label=name, clip_on=False,
         )  # fmt: skip
     axes.set_xlim(0, 1)
     axes.set_ylim(0, 1.005)
-    axes.set_xlabel("recall", color=_INK)
-    axes.set_ylabel("precision", color=_INK)
-    _plain(axes)
-    axes.grid(color="#e4e8eb", linewidth=0.8)
+    axes.set_xlabel("recall", color=colours.ink)
+    axes.set_ylabel("precision", color=colours.ink)
+    _plain(axes, colours)
+    axes.grid(color=colours.grid, linewidth=0.8)
     axes.set_axisbelow(True)
-    axes.legend(facecolor="white", edgecolor="none", framealpha=0.85, fontsize=9, loc="lower left")
+    where: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)} if beside else {"loc": "lower left"}
+    axes.legend(
+        facecolor=colours.ground, edgecolor="none", framealpha=0.85, fontsize=9, labelcolor=colours.ink,
+        handlelength=3.4, borderaxespad=0.4, **where,
+    )  # fmt: skip
     if title:
         axes.set_title(
-            title, loc="left", fontsize=12, color=_INK, fontweight="bold", pad=12, parse_math=False
+            title, loc="left", fontsize=12, color=colours.ink, fontweight="bold", pad=12, parse_math=False
         )  # fmt: skip
     return encoded(figure, format)
 
 
 def matrix_plot(
     values: npt.NDArray[np.float64], labels: Sequence[str], *, title: str | None = None,
-    format: str = "png", size: int = 720,
+    format: str = "png", size: int = 720, theme: str = "light",
 ) -> bytes:  # fmt: skip
     """The matrix of dissimilarities (n, n), dark where shapes are alike, a line between classes.
 
@@ -79,7 +89,8 @@ def matrix_plot(
         raise ParameterError(
             f"{len(matrix)} rows need as many labels; found {len(labels)}.", parameter="labels"
         )  # fmt: skip
-    figure = blank(size, size)
+    colours = theme_named(theme)
+    figure = blank(size, size, colours.ground)
     left, bottom, side = 0.155, 0.14, 0.73
     axes = figure.add_axes((left, bottom, side, side))
     finite = matrix[np.isfinite(matrix)]
@@ -96,21 +107,21 @@ def matrix_plot(
     names = [labels[start] for start in starts]
     axes.set_xticks(middles, names, rotation=45, ha="right", rotation_mode="anchor", parse_math=False)
     axes.set_yticks(middles, names, parse_math=False)
-    _plain(axes)
+    _plain(axes, colours)
     axes.tick_params(length=0, labelsize=8.5)
     beside = figure.add_axes((left + side + 0.025, bottom, 0.018, side))
     bar = figure.colorbar(image, cax=beside, extend="max")
     bar.outline.set_visible(False)
-    bar.ax.tick_params(labelsize=8, colors=_SOFT, length=0)
-    bar.ax.set_title("D", fontsize=10, color=_INK, pad=14)
+    bar.ax.tick_params(labelsize=8, colors=colours.soft, length=0)
+    bar.ax.set_title("D", fontsize=10, color=colours.ink, pad=14)
     if title:
         figure.text(
-            left, bottom + side + 0.03, title, fontsize=12, color=_INK, fontweight="bold", parse_math=False
+            left, bottom + side + 0.03, title, fontsize=12, color=colours.ink, fontweight="bold", parse_math=False
         )  # fmt: skip
     return encoded(figure, format)
 
 
-def _plain(axes: Any) -> None:
+def _plain(axes: Any, colours: Theme) -> None:
     for side in axes.spines.values():
         side.set_visible(False)
-    axes.tick_params(colors=_SOFT, labelsize=9, length=0)
+    axes.tick_params(colors=colours.soft, labelsize=9, length=0)

@@ -138,12 +138,35 @@ def test_intervals_are_those_of_the_mean_over_queries():
     assert evaluate(D, labels, ids, bootstrap=0).intervals == {}
 
 
+def test_intervals_of_classes_are_those_of_their_own_queries_and_their_mean_is_stratified():
+    D, labels, ids = drawn(8, sizes=(60, 20), unlabelled=0)
+    found = evaluate(D, labels, ids, bootstrap=4000)
+    spread = []
+    for label, bounds in found.class_intervals.items():
+        own = found.scores["map"][[labels[row] == label for row in found.queries]]
+        error = own.std() / np.sqrt(len(own))
+        spread.append(error)
+        assert bounds["map"][1] - bounds["map"][0] == pytest.approx(2 * 1.96 * error, rel=0.1)
+    low, high = found.class_mean_intervals["map"]
+    # The mean of two independent means.
+    assert high - low == pytest.approx(2 * 1.96 * np.hypot(*spread) / 2, rel=0.1)
+    assert low < found.class_mean["map"] < high
+    none = evaluate(D, labels, ids, bootstrap=0)
+    assert (none.class_intervals, none.class_mean_intervals) == ({}, {})
+
+
+def test_the_ranked_list_of_a_query_breaks_ties_by_id():
+    D = [[0, 1, 1, 0.5], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    assert evaluate(D, ["x"] * 4, ["a", "c", "b", "d"], bootstrap=0).ranked(0).tolist() == [3, 2, 1]
+    assert evaluate(D, ["x"] * 4, bootstrap=0).ranked(0).tolist() == [3, 1, 2]
+
+
 def test_the_report_is_json_and_holds_the_matrix_when_asked():
     D, labels, ids = drawn(7)
     found = evaluate(D, labels, ids)
     report = json.loads(json.dumps(found.to_json()))
     assert set(report) == {
-        "queries", "classes", "left_out", "overall", "intervals", "class_mean", "per_class",
+        "queries", "classes", "left_out", "overall", "intervals", "class_mean", "class_mean_intervals", "per_class",
         "precision_recall",
     }  # fmt: skip
     assert report["queries"] == 16
