@@ -25,7 +25,7 @@ from store.records import Collection, Counts, Page
 from store.revision import bump
 from store.sql import cursor_after, id_of_cursor, insert, new_id, now
 from store.tables import collection as table
-from store.tables import endpoint_features
+from store.tables import endpoint_features, present
 from store.tables import shape as shape_table
 
 __all__ = [
@@ -53,9 +53,7 @@ def profile_of(values: Mapping[str, Any]) -> Profile:
         raise ParameterError(f"The profile is not usable: {error}.", parameter="profile") from error
 
 
-def create(
-    conn: Connection, name: str, profile: Mapping[str, Any] | None = None, description: str = ""
-) -> Collection:
+def create(conn: Connection, name: str, profile: Mapping[str, Any] | None = None, description: str = "") -> Collection:
     """A new, empty collection. profile: the parameters that differ from the defaults.
 
     Raises ParameterError for a name unlike NAME, CollectionExists, and what ``profile_of`` raises.
@@ -144,14 +142,16 @@ def counts(conn: Connection, collection_id: str) -> Counts:
     """How many shapes there are, by state and by endpoint count under the present profile."""
     states = conn.execute(
         select(shape_table.c.state, func.count())
-        .where(shape_table.c.collection_id == collection_id)
+        .where(shape_table.c.collection_id == collection_id, present)
         .group_by(shape_table.c.state)
         .order_by(shape_table.c.state)
     )
     buckets = conn.execute(
         select(endpoint_features.c.endpoint_count, func.count())
         .join(table, table.c.id == endpoint_features.c.collection_id)
+        .join(shape_table, shape_table.c.id == endpoint_features.c.shape_id)
         .where(
+            present,
             endpoint_features.c.collection_id == collection_id,
             endpoint_features.c.profile_key == table.c.profile_key,
         )

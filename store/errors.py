@@ -12,6 +12,7 @@ ReebaseError
     │   └── BlobNotFound         blob_not_found
     ├── Conflict             conflict                 the state of things forbids it
     │   ├── CollectionExists     collection_exists
+    │   ├── ShapeExists          shape_exists         another shape has the bytes of the one to be restored
     │   ├── TaskExists           task_exists
     │   ├── TaskNotCancellable   task_not_cancellable
     │   ├── TaskNotRetryable     task_not_retryable
@@ -35,7 +36,8 @@ from reebase.errors import ReebaseError
 __all__ = [
     "BlobNotFound", "CollectionExists", "CollectionNotFound", "Conflict", "CorruptBackup", "CorruptBlob",
     "EvaluationNotFound", "IdempotencyConflict", "InvalidCursor", "KeyNotFound",
-    "NotFound", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeNotFound", "StaleClaim", "StorageFull",
+    "NotFound", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeExists", "ShapeNotFound",
+    "StaleClaim", "StorageFull",
     "StoreBusy", "StoreError", "TargetNotEmpty", "TaskExists", "TaskNotCancellable", "TaskNotFound",
     "TaskNotRetryable", "UnsupportedDatabase",
 ]  # fmt: skip
@@ -105,6 +107,12 @@ class CollectionExists(Conflict):
     """There is already a collection by that name."""
 
     code = "collection_exists"
+
+
+class ShapeExists(Conflict):
+    """The collection has another shape with these bytes, which were uploaded again after the deletion."""
+
+    code = "shape_exists"
 
 
 class TaskExists(Conflict):

@@ -19,7 +19,7 @@ from store import revision
 from store.engine import Database
 from store.errors import CollectionNotFound
 from store.results import features_of_bytes
-from store.tables import collection, endpoint_features, tombstone
+from store.tables import collection, endpoint_features, present, shape, tombstone
 
 __all__ = ["IndexFollower"]
 
@@ -70,7 +70,8 @@ class IndexFollower:
         rows = endpoint_features
         changed = (
             select(rows.c.shape_id, rows.c.profile_key, rows.c.features)
-            .where(rows.c.collection_id == collection_id, rows.c.revision > followed.seen)
+            .join(shape, shape.c.id == rows.c.shape_id)
+            .where(rows.c.collection_id == collection_id, rows.c.revision > followed.seen, present)
             .order_by(rows.c.shape_id)
         )
         for shape_id, profile_key, features in conn.execute(changed):

@@ -24,7 +24,7 @@ from store.records import ApiKey
 from store.sql import insert, new_id, now
 from store.tables import api_key as table
 from store.tables import collection as collection_table
-from store.tables import shape
+from store.tables import present, shape
 
 __all__ = ["SCOPES", "any_active", "check_quota", "create", "get", "list_all", "revoke", "used", "verify"]
 
@@ -53,9 +53,7 @@ def create(
             parameter="scope", found=scope, choices=list(SCOPES),
         )  # fmt: skip
     if scope == "admin" and collection is not None:
-        raise ParameterError(
-            "An admin key opens everything, so it takes no collection.", parameter="collection"
-        )
+        raise ParameterError("An admin key opens everything, so it takes no collection.", parameter="collection")
     if requests_per_minute is not None and requests_per_minute < 1:
         raise ParameterError("requests_per_minute must be at least 1.", parameter="requests_per_minute")
     if max_shapes is not None and max_shapes < 0:
@@ -96,9 +94,7 @@ def list_all(conn: Connection) -> list[ApiKey]:
 
 def revoke(conn: Connection, key_id: str) -> ApiKey:
     """Ends a key; it stays listed. Revoking twice changes nothing. Raises KeyNotFound."""
-    conn.execute(
-        update(table).where(table.c.id == key_id, table.c.revoked_at.is_(None)).values(revoked_at=now())
-    )
+    conn.execute(update(table).where(table.c.id == key_id, table.c.revoked_at.is_(None)).values(revoked_at=now()))
     return get(conn, key_id)
 
 
@@ -119,7 +115,7 @@ def check_quota(conn: Connection, key: ApiKey, adding: int = 1) -> None:
     """
     if key.max_shapes is None:
         return
-    count = conn.execute(select(func.count()).where(shape.c.owner == key.id)).scalar_one()
+    count = conn.execute(select(func.count()).where(shape.c.owner == key.id, present)).scalar_one()
     if count + adding > key.max_shapes:
         raise QuotaExceeded(
             f"This API key may keep {key.max_shapes} shapes and keeps {count}; delete some first.",

@@ -17,7 +17,7 @@ __all__ = [
     "StoredFeatures", "StoredHealth", "StoredSkeleton", "Task", "TaskKind", "TaskState",
 ]  # fmt: skip
 
-TaskKind = Literal["describe", "query", "evaluate"]
+TaskKind = Literal["describe", "query", "evaluate", "denoise", "duplicates", "map", "synthesise", "report"]
 TaskState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 ShapeState = Literal["queued", "running", "indexed", "failed", "cancelled"]
 Scope = Literal["read", "write", "admin"]
@@ -62,7 +62,7 @@ class Counts:
 class Shape:
     """A mesh in a collection.
 
-    sha256, bytes: of the upload. task_id: the task that ``state`` follows.
+    sha256, bytes: of the upload. task_id: the task that ``state`` follows. deleted_at: None while it is there.
     endpoint_count, flags: of its latest description, None and () before there is one.
     """
 
@@ -81,6 +81,7 @@ class Shape:
     owner: str | None
     created_at: datetime
     updated_at: datetime
+    deleted_at: datetime | None
     endpoint_count: int | None
     flags: tuple[str, ...]
 

@@ -84,9 +84,10 @@ def store_description(
         **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
     })  # fmt: skip
     for name, values in (descriptors or {}).items():
+        rows = np.atleast_2d(np.asarray(values, dtype="<f4"))
         _replace(conn, tables.descriptor, task.shape_id, {
             "name": name, "version": description.profile.key,
-            "values": np.ascontiguousarray(values, dtype="<f4").tobytes(),
+            "width": rows.shape[1], "values": rows.tobytes(),
         })  # fmt: skip
     return done
 
@@ -133,6 +134,7 @@ def labelled_features(conn: Connection, collection_id: str, profile_key: str) ->
         select(shape.c.id, shape.c.name, shape.c.label, found.c.features)
         .join(found, found.c.shape_id == shape.c.id)
         .where(
+            tables.present,
             shape.c.collection_id == collection_id,
             shape.c.label.is_not(None),
             found.c.profile_key == profile_key,

@@ -54,6 +54,8 @@ class Settings(BaseSettings):
 
     # The sweep. Blobs younger than the grace may belong to an upload whose row is not committed yet.
     sweep_grace_seconds: float = Field(3600.0, ge=0)
+    # How long a deleted shape can be restored.
+    keep_deleted_seconds: float = Field(86400.0, ge=0)
     keep_query_seconds: float = Field(7 * 86400.0, ge=0)
     keep_tombstones_seconds: float = Field(7 * 86400.0, ge=0)
 

@@ -3,11 +3,15 @@
 ``add(conn, collection_id, *, sha256, bytes, format, name, filename, label, tags, metadata, owner)
 -> (Shape, created)``, ``get(conn, collection_id, shape_id)``, ``by_ids(conn, shape_ids) -> dict``,
 ``list_page(conn, collection_id, filters, *, limit, cursor) -> Page``,
-``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``, ``delete(...)``,
+``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``,
+``delete(conn, collection_id, shape_id)``, ``restore(conn, collection_id, shape_id)``, ``purge(conn, keep_seconds)``,
 ``ids_matching(conn, collection_id, filters) -> frozenset``
 
 ``add`` does not queue anything; call ``tasks.enqueue(conn, "describe", ...)`` in the same transaction
 when ``created`` is true.
+
+A deleted shape keeps its rows for a while, so that it can be restored; nothing but ``restore`` and
+``purge`` sees it.
 """
 
 from __future__ import annotations
@@ -15,19 +19,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from sqlalchemy import Connection, Select, select
+from sqlalchemy import ColumnElement, Connection, Select, exists, select
 from sqlalchemy import delete as delete_from
 from sqlalchemy import update as update_rows
 
 from store import tasks
-from store.errors import ShapeNotFound
+from store.errors import ShapeExists, ShapeNotFound
 from store.records import Filters, Page, Shape
 from store.revision import bump
 from store.sql import canonical_json, cursor_after, id_of_cursor, insert, new_id, now
-from store.tables import endpoint_features, health, shape_metadata, shape_tag, tombstone
+from store.tables import collection, endpoint_features, health, present, shape_metadata, shape_tag, tombstone
 from store.tables import shape as table
 
-__all__ = ["UNSET", "Unset", "add", "by_ids", "delete", "get", "ids_matching", "list_page", "update"]
+__all__ = [
+    "UNSET", "Unset", "add", "by_ids", "delete", "get", "ids_matching", "list_page", "purge", "restore", "update",
+]  # fmt: skip
 
 _MANY = 500  # ids in one statement, below every database's limit of parameters
 
@@ -60,11 +66,11 @@ def add(
     created = conn.execute(
         insert(conn, table)
         .values(values)
-        .on_conflict_do_nothing(index_elements=["collection_id", "sha256"])
+        .on_conflict_do_nothing(index_elements=["collection_id", "sha256"], index_where=present)
         .returning(table.c.id)
     ).scalar()
     if created is None:
-        same = (table.c.collection_id == collection_id, table.c.sha256 == sha256)
+        same = (table.c.collection_id == collection_id, table.c.sha256 == sha256, present)
         return _read(conn, select(table).where(*same))[0], False
     _write_tags(conn, created, tags)
     _write_metadata(conn, created, metadata or {})
@@ -73,7 +79,7 @@ def add(
 
 def get(conn: Connection, collection_id: str, shape_id: str) -> Shape:
     """Raises ShapeNotFound."""
-    found = _read(conn, select(table).where(table.c.id == shape_id, table.c.collection_id == collection_id))
+    found = _read(conn, select(table).where(*_named(collection_id, shape_id), present))
     if not found:
         raise ShapeNotFound(f"There is no shape {shape_id[:80]!r} in this collection.")
     return found[0]
@@ -84,7 +90,7 @@ def by_ids(conn: Connection, shape_ids: Iterable[str]) -> dict[str, Shape]:
     wanted = list(dict.fromkeys(shape_ids))
     found: dict[str, Shape] = {}
     for start in range(0, len(wanted), _MANY):
-        some = select(table).where(table.c.id.in_(wanted[start : start + _MANY]))
+        some = select(table).where(table.c.id.in_(wanted[start : start + _MANY]), present)
         found.update((shape.id, shape) for shape in _read(conn, some))
     return found
 
@@ -124,8 +130,8 @@ def update(
         values["label"] = label
     if not isinstance(metadata, Unset):
         values["metadata"] = dict(metadata)
-    which = (table.c.id == shape_id, table.c.collection_id == collection_id)
-    if not conn.execute(update_rows(table).where(*which).values(values)).rowcount:
+    which = update_rows(table).where(*_named(collection_id, shape_id), present)
+    if not conn.execute(which.values(values)).rowcount:
         raise ShapeNotFound(f"There is no shape {shape_id[:80]!r} in this collection.")
     if not isinstance(tags, Unset):
         conn.execute(delete_from(shape_tag).where(shape_tag.c.shape_id == shape_id))
@@ -137,13 +143,13 @@ def update(
 
 
 def delete(conn: Connection, collection_id: str, shape_id: str) -> Shape:
-    """Deletes the rows and cancels live tasks; blobs are left to the sweep.
+    """Takes the shape away and cancels its live tasks; ``restore`` brings it back until it is purged.
 
     Returns what it was. Raises ShapeNotFound.
     """
     shape = get(conn, collection_id, shape_id)
     tasks.cancel_live(conn, shape_id=shape_id)
-    conn.execute(delete_from(table).where(table.c.id == shape_id))
+    conn.execute(update_rows(table).where(table.c.id == shape_id).values(deleted_at=now()))
     conn.execute(
         insert(conn, tombstone).values(
             shape_id=shape_id, collection_id=collection_id, revision=bump(conn), deleted_at=now()
@@ -152,8 +158,54 @@ def delete(conn: Connection, collection_id: str, shape_id: str) -> Shape:
     return shape
 
 
+def restore(conn: Connection, collection_id: str, shape_id: str) -> Shape:
+    """Brings a deleted shape back as it was; one that is there is left as it is.
+
+    It is queued to be described where its description was cut off or is of another profile. Raises
+    ShapeNotFound once it is purged, ShapeExists when its bytes were uploaded again meanwhile.
+    """
+    named = _named(collection_id, shape_id)
+    found = conn.execute(select(table.c.sha256, table.c.deleted_at, table.c.state).where(*named)).first()
+    if found is None:
+        raise ShapeNotFound(f"There is no shape {shape_id[:80]!r} in this collection, nor can one be restored.")
+    if found.deleted_at is None:
+        return get(conn, collection_id, shape_id)
+    same = (table.c.collection_id == collection_id, table.c.sha256 == found.sha256, present)
+    other = conn.execute(select(table.c.id).where(*same)).scalar()
+    if other is not None:
+        raise ShapeExists(shape=other)
+    conn.execute(update_rows(table).where(*named).values(deleted_at=None, updated_at=now()))
+    conn.execute(delete_from(tombstone).where(tombstone.c.shape_id == shape_id))
+    # A new revision, so that the indexes in memory take it up again.
+    mine = update_rows(endpoint_features).where(endpoint_features.c.shape_id == shape_id)
+    conn.execute(mine.values(revision=bump(conn)))
+    if found.state != "failed" and not _described(conn, shape_id):
+        tasks.enqueue(conn, "describe", collection_id=collection_id, shape_id=shape_id)
+    return get(conn, collection_id, shape_id)
+
+
+def purge(conn: Connection, keep_seconds: float) -> int:
+    """Deletes for good what was deleted longer ago; its blobs are left to the sweep. Says how many."""
+    return conn.execute(delete_from(table).where(table.c.deleted_at < now(-keep_seconds))).rowcount
+
+
+def _named(collection_id: str, shape_id: str) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
+    return table.c.id == shape_id, table.c.collection_id == collection_id
+
+
+def _described(conn: Connection, shape_id: str) -> bool:
+    """Whether it is described under the present profile of its collection."""
+    up_to_date = (
+        exists()
+        .where(endpoint_features.c.shape_id == shape_id)
+        .where(collection.c.id == endpoint_features.c.collection_id)
+        .where(collection.c.profile_key == endpoint_features.c.profile_key)
+    )
+    return bool(conn.execute(select(up_to_date)).scalar_one())
+
+
 def _filtered(query: Select[Any], collection_id: str, filters: Filters) -> Select[Any]:
-    query = query.where(table.c.collection_id == collection_id)
+    query = query.where(table.c.collection_id == collection_id, present)
     for name in ("label", "state", "sha256"):
         value = getattr(filters, name)
         if value is not None:

@@ -23,12 +23,12 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, true, update
 
-from store import idempotency
+from store import idempotency, shapes
 from store.blobs import Blobs
 from store.engine import Database
 from store.settings import Settings
 from store.sql import now, read_clock
-from store.tables import evaluation, revision, shape, skeleton, task, tombstone
+from store.tables import evaluation, revision, shape, skeleton, task, task_output, tombstone
 
 __all__ = ["Swept", "all_referenced", "referenced", "remove_unnamed", "sweep"]
 
@@ -39,7 +39,10 @@ _NAMES: tuple[tuple[Any, ColumnElement[bool]], ...] = (
     (shape.c.sha256, true()),
     (skeleton.c.cleaned_sha256, true()),
     (skeleton.c.denoised_sha256, true()),
+    (skeleton.c.thumbnail_sha256, true()),
+    (skeleton.c.display_sha256, true()),
     (evaluation.c.matrix_sha256, true()),
+    (task_output.c.sha256, true()),
     # The mesh of a query is kept no longer than its task lives.
     (task.c.blob, task.c.state.in_(("queued", "running"))),
 )
@@ -55,17 +58,21 @@ class Swept:
     idempotency_keys: int
     queries: int
     tombstones: int
+    shapes: int
 
 
 def sweep(database: Database, blobs: Blobs, settings: Settings) -> Swept:
-    """Removes unnamed blobs, dead uploads, expired idempotency keys, old queries and old tombstones."""
+    """Removes unnamed blobs, dead uploads, expired idempotency keys, old queries and old tombstones, and shapes
+    that were deleted too long ago to be restored.
+    """
     with database.write() as conn:
+        purged = shapes.purge(conn, settings.keep_deleted_seconds)
         keys = idempotency.purge(conn)
         queries = _purge_queries(conn, settings.keep_query_seconds)
         tombstones = _purge_tombstones(conn, settings.keep_tombstones_seconds)
     grace = settings.sweep_grace_seconds
     removed = sum(remove_unnamed(database, blobs, sha256, grace) for sha256 in _unnamed(database, blobs))
-    return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, queries, tombstones)
+    return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, queries, tombstones, purged)
 
 
 def referenced(conn: Connection, hashes: Iterable[str]) -> set[str]:

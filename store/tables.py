@@ -24,7 +24,8 @@ from store.sql import BIG, DOUBLE, Json, Moment
 
 __all__ = [
     "api_key", "collection", "descriptor", "endpoint_features", "evaluation", "health", "idempotency",
-    "metadata", "revision", "shape", "shape_metadata", "shape_tag", "skeleton", "task", "tombstone",
+    "metadata", "present", "revision", "shape", "shape_metadata", "shape_tag", "skeleton", "task",
+    "task_output", "tombstone",
 ]  # fmt: skip
 
 metadata = MetaData()
@@ -64,20 +65,34 @@ shape = Table(
     Column("owner", Text),
     Column("created_at", Moment, nullable=False),
     Column("updated_at", Moment, nullable=False),
-    # The same bytes twice are one shape, also when both uploads run at once.
-    UniqueConstraint("collection_id", "sha256", name="shape_bytes_once"),
+    # When it was deleted. Until the sweep purges it, it can be restored; to everyone else it is gone.
+    Column("deleted_at", Moment),
     CheckConstraint("length(sha256) = 64", name="shape_sha256_length"),
     CheckConstraint("bytes >= 0", name="shape_bytes_positive"),
     CheckConstraint(
         "state IN ('queued', 'running', 'indexed', 'failed', 'cancelled')", name="shape_state_known"
     ),
+    # The same bytes twice are one shape, also when both uploads run at once. A deleted shape does not count:
+    # its bytes may come again before it is purged.
+    Index(
+        "shape_bytes_once", "collection_id", "sha256", unique=True,
+        sqlite_where=text("deleted_at IS NULL"), postgresql_where=text("deleted_at IS NULL"),
+    ),
+    Index(
+        "shape_deleted", "deleted_at",
+        sqlite_where=text("deleted_at IS NOT NULL"), postgresql_where=text("deleted_at IS NOT NULL"),
+    ),
     Index("shape_by_label", "collection_id", "label"),
+    Index("shape_by_name", "collection_id", "name"),
     Index("shape_by_owner", "owner"),
     Index("shape_by_task", "task_id"),
     # The sweep asks of every blob whether a shape still names it.
     Index("shape_by_sha256", "sha256"),
     sqlite_strict=True,
-)
+)  # fmt: skip
+
+present = shape.c.deleted_at.is_(None)
+"""Whoever asks for shapes asks for this: a deleted one is only there for those who restore it."""
 
 # Tags and metadata stand in rows of their own so that filters use an index on every database.
 shape_tag = Table(
@@ -127,7 +142,10 @@ task = Table(
     Column("created_at", Moment, nullable=False),
     Column("started_at", Moment),
     Column("finished_at", Moment),
-    CheckConstraint("kind IN ('describe', 'query', 'evaluate')", name="task_kind_known"),
+    CheckConstraint(
+        "kind IN ('describe', 'query', 'evaluate', 'denoise', 'duplicates', 'map', 'synthesise', 'report')",
+        name="task_kind_known",
+    ),
     CheckConstraint(
         "state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')", name="task_state_known"
     ),
@@ -160,7 +178,8 @@ task = Table(
         sqlite_where=text("state = 'running'"), postgresql_where=text("state = 'running'"),
     ),
     Index("task_by_shape", "shape_id"),
-    Index("task_by_collection", "collection_id"),
+    # The latest of a kind in a collection, however many shapes were described since.
+    Index("task_by_collection", "collection_id", "kind", "id"),
     # The sweep asks of every blob whether a live task still names it.
     Index(
         "task_by_blob", "blob",
@@ -168,6 +187,18 @@ task = Table(
     ),
     sqlite_strict=True,
 )  # fmt: skip
+
+# What a task made that is no JSON, by name: a mesh, a picture. Kept as long as the task.
+task_output = Table(
+    "task_output",
+    metadata,
+    Column("task_id", Text, ForeignKey("task.id", ondelete="CASCADE"), primary_key=True),
+    Column("name", Text, primary_key=True),
+    Column("sha256", Text, nullable=False),
+    CheckConstraint("length(sha256) = 64", name="task_output_sha256_length"),
+    Index("task_output_by_sha256", "sha256"),
+    sqlite_strict=True,
+)
 
 # What the pipeline learnt of a shape: one row each, replaced when it is described again.
 # ``profile_key`` hashes the pipeline's version and parameters; only equal keys are compared.
@@ -205,10 +236,20 @@ skeleton = Table(
     # Blobs: PLY of the meshes; the denoised one carries the scalar field.
     Column("cleaned_sha256", Text, nullable=False),
     Column("denoised_sha256", Text, nullable=False),
+    # Blobs: a small picture (WebP or PNG) and a mesh light enough to be drawn (GLB). None in descriptions of
+    # before they were made.
+    Column("thumbnail_sha256", Text),
+    Column("display_sha256", Text),
     CheckConstraint("length(cleaned_sha256) = 64", name="skeleton_cleaned_sha256_length"),
     CheckConstraint("length(denoised_sha256) = 64", name="skeleton_denoised_sha256_length"),
+    CheckConstraint(
+        "thumbnail_sha256 IS NULL OR length(thumbnail_sha256) = 64", name="skeleton_thumbnail_sha256_length"
+    ),
+    CheckConstraint("display_sha256 IS NULL OR length(display_sha256) = 64", name="skeleton_display_sha256_length"),
     Index("skeleton_by_cleaned", "cleaned_sha256"),
     Index("skeleton_by_denoised", "denoised_sha256"),
+    Index("skeleton_by_thumbnail", "thumbnail_sha256"),
+    Index("skeleton_by_display", "display_sha256"),
     sqlite_strict=True,
 )
 
@@ -230,9 +271,17 @@ descriptor = Table(
     Column("shape_id", Text, ForeignKey("shape.id", ondelete="CASCADE"), primary_key=True),
     Column("name", Text, primary_key=True),
     Column("version", Text, nullable=False),
+    # Numbers in a row of ``values``; a vector is one row.
+    Column("width", Integer, nullable=False),
     # float32, little endian.
     Column("values", LargeBinary, nullable=False),
-    CheckConstraint('length("values") % 4 = 0', name="descriptor_size"),
+    # Where the rows lie on the denoised mesh, when they are endpoints: rows x 3 float32, little endian.
+    Column("positions", LargeBinary),
+    CheckConstraint("width > 0", name="descriptor_width"),
+    CheckConstraint('length("values") % (4 * width) = 0', name="descriptor_size"),
+    CheckConstraint(
+        'positions IS NULL OR length(positions) * width = length("values") * 3', name="descriptor_positions_size"
+    ),
     sqlite_strict=True,
 )
 
@@ -282,9 +331,7 @@ api_key = Table(
     UniqueConstraint("hash", name="api_key_hash_once"),
     CheckConstraint("scope IN ('read', 'write', 'admin')", name="api_key_scope_known"),
     CheckConstraint("length(hash) = 64", name="api_key_hash_length"),
-    CheckConstraint(
-        "requests_per_minute IS NULL OR requests_per_minute > 0", name="api_key_rate_positive"
-    ),
+    CheckConstraint("requests_per_minute IS NULL OR requests_per_minute > 0", name="api_key_rate_positive"),
     CheckConstraint("max_shapes IS NULL OR max_shapes >= 0", name="api_key_quota_positive"),
     # An admin key sees everything, so it cannot belong to one collection.
     CheckConstraint("scope <> 'admin' OR collection_id IS NULL", name="api_key_admin_everywhere"),
@@ -309,9 +356,7 @@ evaluation = Table(
     UniqueConstraint("task_id", name="evaluation_task_once"),
     # A report and its rows come together.
     CheckConstraint("(report IS NULL) = (items IS NULL)", name="evaluation_complete"),
-    CheckConstraint(
-        "matrix_sha256 IS NULL OR length(matrix_sha256) = 64", name="evaluation_matrix_sha256_length"
-    ),
+    CheckConstraint("matrix_sha256 IS NULL OR length(matrix_sha256) = 64", name="evaluation_matrix_sha256_length"),
     Index("evaluation_by_matrix", "matrix_sha256"),
     sqlite_strict=True,
 )
@@ -324,20 +369,10 @@ idempotency = Table(
     Column("method", Text, primary_key=True),
     Column("path", Text, primary_key=True),
     Column("fingerprint", Text, nullable=False),
-    # Who is answering now; a request that died leaves one behind, so it ends at locked_until.
-    Column("holder", Text),
-    Column("locked_until", Moment),
-    Column("status", Integer),
-    Column("headers", Json),
-    Column("body", LargeBinary),
+    Column("status", Integer, nullable=False),
+    Column("headers", Json, nullable=False),
+    Column("body", LargeBinary, nullable=False),
     Column("expires_at", Moment, nullable=False),
-    # Either it is being answered, or the answer is there, whole.
-    CheckConstraint("(holder IS NULL) = (locked_until IS NULL)", name="idempotency_lock_whole"),
-    CheckConstraint("(holder IS NULL) = (status IS NOT NULL)", name="idempotency_held_or_answered"),
-    CheckConstraint(
-        "(status IS NULL) = (headers IS NULL) AND (status IS NULL) = (body IS NULL)",
-        name="idempotency_answer_whole",
-    ),
     Index("idempotency_expiry", "expires_at"),
     sqlite_strict=True,
 )

@@ -33,6 +33,7 @@ from store.errors import StaleClaim, TaskExists, TaskNotCancellable, TaskNotFoun
 from store.records import Page, Task, TaskKind
 from store.settings import Settings
 from store.sql import cursor_after, id_of_cursor, insert, new_id, now
+from store.tables import present
 from store.tables import shape as shape_table
 from store.tables import task as table
 
@@ -45,7 +46,10 @@ Heartbeat = Literal["ok", "cancel", "lost"]
 AfterCrash = Literal["queued", "failed", "cancelled", "lost"]
 Detail = str | Mapping[str, Any]
 
-_PRIORITY: dict[str, int] = {"query": 0, "describe": 1, "evaluate": 1}
+# Lower goes first: someone waits for these three.
+_PRIORITY: dict[str, int] = {
+    "query": 0, "denoise": 0, "map": 0, "describe": 1, "evaluate": 1, "duplicates": 1, "synthesise": 1, "report": 1,
+}  # fmt: skip
 _LIVE = ("queued", "running")
 _NOT_HELD: dict[str, Any] = {"worker": None, "lease_until": None}
 _FRESH: dict[str, Any] = {"stage": None, "fraction": 0.0}
@@ -127,7 +131,7 @@ def describe_anew(conn: Connection, collection_id: str) -> None:
     """
     mine = and_(table.c.collection_id == collection_id, table.c.kind == "describe", table.c.state.in_(_LIVE))
     conn.execute(_cancelling().where(mine))
-    shapes = select(shape_table.c.id).where(shape_table.c.collection_id == collection_id)
+    shapes = select(shape_table.c.id).where(shape_table.c.collection_id == collection_id, present)
     rows = [
         {
             "id": new_id(), "kind": "describe", "state": "queued", "priority": _PRIORITY["describe"],
@@ -141,7 +145,7 @@ def describe_anew(conn: Connection, collection_id: str) -> None:
     live = select(table.c.id).where(mine, table.c.shape_id == shape_table.c.id).scalar_subquery()
     conn.execute(
         update(shape_table)
-        .where(shape_table.c.collection_id == collection_id)
+        .where(shape_table.c.collection_id == collection_id, present)
         .values(task_id=live, state="queued", updated_at=now())
     )
 
@@ -214,7 +218,7 @@ def retry(conn: Connection, task_id: str) -> Task:
     if task.blob is not None:
         raise TaskNotRetryable("The mesh of a query is not kept after its task ended; send the query again.")
     if task.kind == "describe":
-        if not conn.execute(select(exists().where(shape_table.c.id == task.shape_id))).scalar_one():
+        if not conn.execute(select(exists().where(shape_table.c.id == task.shape_id, present))).scalar_one():
             raise TaskNotRetryable("The shape of this task was deleted.")
         if _live_description(conn, task.shape_id):
             raise TaskNotRetryable("The shape already has another task that is queued or running.")

@@ -18,7 +18,7 @@ from service.values import task_value, task_values
 from service.waiting import wait_for
 from store import tasks
 from store.errors import TaskNotFound
-from store.records import Task
+from store.records import Task, TaskKind
 
 __all__ = ["ASKED_BY", "router", "visible_task"]
 
@@ -40,7 +40,7 @@ def visible_task(conn: Connection, principal: Principal, task_id: str) -> Task:
 def list_tasks(
     here: Here, principal: Reader, limit: PageSize = 50, cursor: Cursor = None,
     state: Literal["queued", "running", "succeeded", "failed", "cancelled"] | None = None,
-    kind: Literal["describe", "query", "evaluate"] | None = None,
+    kind: TaskKind | None = None,
     collection: str | None = None, shape: str | None = None,
 ) -> PageOf[TaskValue]:  # fmt: skip
     """All tasks, or those of one state, kind, collection or shape."""

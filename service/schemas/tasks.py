@@ -15,15 +15,13 @@ class TaskValue(Value):
     """A piece of background work."""
 
     id: str
-    kind: str = Field(description="describe, query or evaluate.")
+    kind: str = Field(description="describe, query, evaluate, denoise, duplicates, map, synthesise or report.")
     state: str = Field(description="queued, running, succeeded, failed or cancelled.")
     progress: Progress
     collection: str | None = Field(description="Name of its collection; null when it has none or it is gone.")
     shape: str | None = Field(description="Id of the shape that it describes.")
     error: ErrorValue | None
-    result: dict[str, Any] | None = Field(
-        description="The answer of a query by mesh, when it succeeded; not in lists."
-    )
+    result: dict[str, Any] | None = Field(description="The answer of a query by mesh, when it succeeded; not in lists.")
     attempt: int
     crashes: int = Field(description="Times that its worker died.")
     cancel_requested: bool

@@ -5,12 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import Connection, create_engine, inspect
+from sqlalchemy import Connection, Select, create_engine, inspect, select, text
 
 from store import collections, evaluations, migrate, results, shapes, tables, tasks
 from store.engine import Database
@@ -81,6 +82,62 @@ def test_up_and_down_on_a_populated_database(url: str) -> None:
     database.close()
     migrate.upgrade(url)
     populate(url)
+
+
+# A database of the first schema, as its own version wrote it.
+_FIRST = """
+INSERT INTO collection VALUES ('c', 'ants', '', '{}', 'k', 1, 1);
+INSERT INTO shape VALUES ('s', 'c', <a>, 1, 'ply', NULL, 'ant', 'ants', '{}', 'indexed', 't', NULL, 1, 2);
+INSERT INTO shape_tag VALUES ('s', 'x');
+INSERT INTO task VALUES ('t', 'describe', 'succeeded', 1, 'c', 's', '{}', NULL, '{"n":1}', NULL, NULL, NULL, 1.0,
+                         2, 1, 0, NULL, NULL, 1, 2, 3);
+INSERT INTO endpoint_features VALUES ('s', 'c', 'k', 1, 1, zeroblob(24), 1);
+INSERT INTO skeleton VALUES ('s', 'k', 1, x'00', x'00', <b>, <c>);
+INSERT INTO evaluation VALUES ('e', 't', 'c', '{}', NULL, NULL, NULL, 1);
+INSERT INTO idempotency VALUES ('key', 'me', 'POST', '/v1', 'f', NULL, NULL, 201, '{}', x'01', 9);
+INSERT INTO idempotency VALUES ('held', 'me', 'POST', '/v1', 'f', 'h', 5, NULL, NULL, NULL, 9);
+"""
+
+
+def contents(database: Database, *names: str) -> dict[str, list[dict[str, object]]]:
+    with database.read() as conn:
+        return {name: [dict(row) for row in conn.execute(rows_of(name)).mappings()] for name in names}
+
+
+def rows_of(name: str) -> Select[Any]:
+    return select(text("*")).select_from(text(name))
+
+
+def test_the_second_schema_keeps_what_the_first_held(url: str) -> None:
+    migrate.upgrade(url, "0001")
+    database = Database(url)
+    with database.write() as conn:
+        for statement in re.sub("<(.)>", lambda found: f"'{found[1] * 64}'", _FIRST).split(";\n")[:-1]:
+            conn.exec_driver_sql(statement)
+    before = contents(
+        database, "collection", "shape_tag", "endpoint_features", "evaluation", "shape", "task", "skeleton"
+    )
+    database.close()
+    migrate.upgrade(url)
+    database = Database(url)
+    after = contents(database, *before, "idempotency")
+    assert [row["key"] for row in after.pop("idempotency")] == ["key"]
+    added: dict[str, dict[str, None]] = {
+        "shape": {"deleted_at": None}, "skeleton": {"thumbnail_sha256": None, "display_sha256": None},
+    }  # fmt: skip
+    assert after == {name: [{**row, **added.get(name, {})} for row in rows] for name, rows in before.items()}
+    assert all(after.values())
+    with database.write() as conn:
+        # The references still hold, and act.
+        tasks.enqueue(conn, "denoise")
+        collections.delete(conn, "ants")
+        assert conn.exec_driver_sql("SELECT count(*) FROM skeleton").scalar() == 0
+    database.close()
+    migrate.downgrade(url, "0001")
+    database = Database(url)
+    with database.read() as conn:
+        assert [row.kind for row in conn.exec_driver_sql("SELECT kind FROM task")] == ["describe"]
+    database.close()
 
 
 def test_a_migration_that_fails_changes_nothing(url: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -11,9 +12,18 @@ from sqlalchemy import event
 
 from reebase.errors import ParameterError, ReebaseError, UnknownName
 from reebase.pipeline import Profile
-from store import collections, results, revision, shapes, tasks
+from store import collections, keys, results, revision, shapes, tasks
 from store.engine import Database
-from store.errors import CollectionExists, CollectionNotFound, InvalidCursor, ShapeNotFound
+from store.errors import (
+    CollectionExists,
+    CollectionNotFound,
+    InvalidCursor,
+    QuotaExceeded,
+    ShapeExists,
+    ShapeNotFound,
+    TaskNotRetryable,
+)
+from store.follower import IndexFollower
 from store.records import Collection, Filters, Shape, Task
 from tests.unit.store.descriptions import description
 
@@ -44,9 +54,7 @@ def test_names_that_cannot_stand_in_a_url(database: Database, name: str) -> None
     ("profile", "error"),
     [({"colour": "red"}, UnknownName), ({"denoise": "magic"}, ReebaseError), ({"bands": 0}, ReebaseError)],
 )
-def test_profiles_that_no_pipeline_runs(
-    database: Database, profile: dict[str, Any], error: type[ReebaseError]
-) -> None:
+def test_profiles_that_no_pipeline_runs(database: Database, profile: dict[str, Any], error: type[ReebaseError]) -> None:
     with pytest.raises(error), database.write() as conn:
         collections.create(conn, "ants", profile)
 
@@ -220,3 +228,99 @@ def test_delete_tells_the_followers(database: Database, collection: Collection, 
             shapes.get(conn, collection.id, shape.id)
         with pytest.raises(ShapeNotFound):
             shapes.delete(conn, collection.id, shape.id)
+
+
+def described(database: Database, queue: tasks.DatabaseQueue, label: str = "ants") -> Task:
+    task = queue.claim("w")
+    assert task is not None
+    with database.write() as conn:
+        found = description(np.ones((2, 3)))
+        return results.store_description(conn, task, found, cleaned_sha256=SHA, denoised_sha256=SHA)
+
+
+def test_a_deleted_shape_is_nowhere_until_it_is_restored(
+    database: Database, queue: tasks.DatabaseQueue, collection: Collection, upload: Upload
+) -> None:
+    with database.write() as conn:
+        key, _ = keys.create(conn, "write", max_shapes=1)
+    shape, _ = upload(label="ants", tags=["x"], owner=key.id)
+    described(database, queue)
+    with database.write() as conn:
+        before = shapes.get(conn, collection.id, shape.id)
+        index = IndexFollower(database)
+        assert shape.id in index.index(collection.id, collection.profile_key)
+        with pytest.raises(QuotaExceeded):
+            keys.check_quota(conn, key)
+        shapes.delete(conn, collection.id, shape.id)
+    with database.write() as conn:
+        for gone in (shapes.get, shapes.update, shapes.delete):
+            with pytest.raises(ShapeNotFound):
+                gone(conn, collection.id, shape.id)
+        assert shapes.by_ids(conn, [shape.id]) == {}
+        assert shapes.list_page(conn, collection.id).items == ()
+        assert shapes.ids_matching(conn, collection.id, Filters(label="ants")) == frozenset()
+        counts = collections.counts(conn, collection.id)
+        assert (counts.by_state, counts.by_endpoint_count) == ({}, {})
+        assert results.labelled_features(conn, collection.id, collection.profile_key).ids == []
+        keys.check_quota(conn, key)
+    for follower in (index, IndexFollower(database)):
+        assert shape.id not in follower.index(collection.id, collection.profile_key)
+    with database.write() as conn:
+        restored = shapes.restore(conn, collection.id, shape.id)
+        assert dataclasses.replace(restored, updated_at=before.updated_at) == before
+        assert shapes.restore(conn, collection.id, shape.id) == restored
+        assert results.labelled_features(conn, collection.id, collection.profile_key).ids == [shape.id]
+    for follower in (index, IndexFollower(database)):
+        assert shape.id in follower.index(collection.id, collection.profile_key)
+    assert queue.claim("w") is None
+
+
+def test_bytes_that_came_again_stand_in_the_way_of_restoring(
+    database: Database, collection: Collection, upload: Upload
+) -> None:
+    first, _ = upload(sha256=SHA)
+    with database.write() as conn:
+        shapes.delete(conn, collection.id, first.id)
+    second, _ = upload(sha256=SHA)
+    assert second.id != first.id
+    with database.write() as conn:
+        with pytest.raises(ShapeExists) as refused:
+            shapes.restore(conn, collection.id, first.id)
+        assert refused.value.details["shape"] == second.id
+        shapes.delete(conn, collection.id, second.id)
+        assert shapes.restore(conn, collection.id, first.id).id == first.id
+
+
+def test_restoring_describes_what_was_cut_off_or_is_outdated(
+    database: Database, queue: tasks.DatabaseQueue, collection: Collection, upload: Upload
+) -> None:
+    outdated, _ = upload()
+    described(database, queue)
+    cut, _ = upload()
+    failed, _ = upload()
+    held = [queue.claim("w"), queue.claim("w")]
+    assert held[0] is not None and held[1] is not None
+    with database.write() as conn:
+        tasks.fail(conn, held[1], "broken", "It is broken.")
+        for shape in (outdated, cut, failed):
+            shapes.delete(conn, collection.id, shape.id)
+        collections.update(conn, "ants", profile={"bands": 17})
+    assert queue.heartbeat(held[0], "read", 0.1) == "lost"
+    assert queue.claim("w") is None
+    with database.write() as conn:
+        with pytest.raises(TaskNotRetryable):
+            tasks.retry(conn, held[1].id)
+        states = [shapes.restore(conn, collection.id, shape.id).state for shape in (outdated, cut, failed)]
+    assert states == ["queued", "queued", "failed"]
+
+
+def test_what_was_deleted_long_ago_is_purged(database: Database, collection: Collection, upload: Upload) -> None:
+    kept, _ = upload()
+    shape, _ = upload()
+    with database.write() as conn:
+        shapes.delete(conn, collection.id, shape.id)
+        assert shapes.purge(conn, 3600.0) == 0
+        assert shapes.purge(conn, -1.0) == 1
+        with pytest.raises(ShapeNotFound):
+            shapes.restore(conn, collection.id, shape.id)
+        assert shapes.list_page(conn, collection.id).items == (shapes.get(conn, collection.id, kept.id),)

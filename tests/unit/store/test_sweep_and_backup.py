@@ -38,7 +38,7 @@ from store.sweep import Swept, remove_unnamed, sweep
 from tests.unit.store.descriptions import description
 
 Upload = Callable[..., tuple[Shape, Task]]
-NOTHING = Swept(0, 0, 0, 0, 0)
+NOTHING = Swept(0, 0, 0, 0, 0, 0)
 
 
 @pytest.fixture
@@ -82,9 +82,7 @@ def age(blobs: LocalBlobs, seconds: float) -> None:
         os.utime(blobs.path(sha256), (then, then))
 
 
-def test_what_is_named_stays(
-    database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str]
-) -> None:
+def test_what_is_named_stays(database: Database, blobs: LocalBlobs, settings: Settings, full: dict[str, str]) -> None:
     age(blobs, 10 * settings.sweep_grace_seconds)
     assert sweep(database, blobs, settings) == NOTHING
     assert set(blobs.all()) == set(full.values())
@@ -342,9 +340,7 @@ def test_the_mesh_of_a_query_that_ended_is_removed_without_a_grace(
     assert set(blobs.all()) == set(full.values()) - {full["query"]}
 
 
-def test_who_puts_the_mesh_of_a_query_again_keeps_it(
-    database: Database, blobs: LocalBlobs, settings: Settings
-) -> None:
+def test_who_puts_the_mesh_of_a_query_again_keeps_it(database: Database, blobs: LocalBlobs, settings: Settings) -> None:
     sha256 = blobs.put_if_absent(b"query")
     ended(database, sha256)
     time.sleep(0.02)
@@ -383,7 +379,7 @@ def test_uploads_that_race_with_the_end_of_queries_never_lose_what_they_named(
 LATER = """
 from alembic import op
 
-revision, down_revision, branch_labels, depends_on = "0002", "0001", None, None
+revision, down_revision, branch_labels, depends_on = "9001", "0002", None, None
 
 
 def upgrade() -> None:
@@ -398,15 +394,15 @@ def test_an_older_schema_is_backed_up_as_it_is_and_migrated_when_restored(
     with database.write() as conn:
         conn.exec_driver_sql("ALTER TABLE evaluation RENAME COLUMN matrix_sha256 TO picture")
     shutil.copytree(migrate._SCRIPTS, tmp_path / "migrations")
-    (tmp_path / "migrations" / "versions" / "0002_later.py").write_text(LATER)
+    (tmp_path / "migrations" / "versions" / "9001_later.py").write_text(LATER)
     monkeypatch.setattr(migrate, "_SCRIPTS", tmp_path / "migrations")
     with pytest.raises(UnsupportedDatabase, match=r"run `.* migrate`"):
         migrate.check(settings.database_url)
     migrate.check(settings.database_url, any_schema=True)
     made = backup(database, blobs, tmp_path / "backup")
-    assert (made.schema, set(made.blobs)) == ("0001", set(full.values()))
-    assert migrate.current(settings.database_url) == "0001"
+    assert (made.schema, set(made.blobs)) == ("0002", set(full.values()))
+    assert migrate.current(settings.database_url) == "0002"
     assert [path.name for path in (tmp_path / "backup").iterdir() if path.is_dir()] == ["blobs"]
     there = Settings(home=tmp_path / "elsewhere")
     restore(tmp_path / "backup", there)
-    assert migrate.current(there.database_url) == "0002"
+    assert migrate.current(there.database_url) == "9001"
