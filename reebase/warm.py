@@ -46,11 +46,12 @@ def sample() -> Mesh:
 
 
 def warm(progress: Callable[[str, float], None] | None = None) -> None:
-    """Walk every path that compiles: the pipeline, every filter, every measure, the index.
+    """Walk every path that compiles: the pipeline, filters, measures, the index, descriptors.
 
     progress: called with what begins and the fraction of its part that is done.
     """
     from reebase.denoise import METHODS, denoise
+    from reebase.descriptors import DESCRIPTORS, Surface
     from reebase.evaluation.matrix import dissimilarity_matrix
     from reebase.matching import MEASURES
     from reebase.pipeline import describe
@@ -68,6 +69,11 @@ def warm(progress: Callable[[str, float], None] | None = None) -> None:
             progress(f"measure {measure}", number / len(MEASURES))
         dissimilarity_matrix([features, features], measure)
         index.query(features, measure=measure)
+    surface = Surface(sample())
+    for number, descriptor in enumerate(DESCRIPTORS.values()):
+        if progress is not None:
+            progress(f"descriptor {descriptor.name}", number / len(DESCRIPTORS))
+        descriptor.distances([descriptor.describe(surface)] * 2)
 
 
 def main() -> None:

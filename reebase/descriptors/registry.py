@@ -9,9 +9,10 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, shape_dna, srg, wks
+from reebase.descriptors import d2, extended, gps, hks, shape_dna, srg, views, wks
 from reebase.descriptors.surface import Surface, surface_of
 from reebase.descriptors.vectors import VECTORS
+from reebase.descriptors.views import VIEWS
 from reebase.errors import unknown_name
 from reebase.matching import ENDPOINTS, MEASURES, Comparison, Match, Stack
 from reebase.matching.charged import CHARGED
@@ -94,6 +95,8 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2")),
         Descriptor("gps", "Distances in the global point signature.", gps.describe, VECTORS, ("l1", "l2")),
         Descriptor("d2", "Distances between points of the surface.", d2.describe, VECTORS, ("l1", "l2")),
+        Descriptor("views", "Depth images from eighteen sides, in any of 48 positions.",
+                   views.describe, VIEWS, ("l1",)),
     )
 })  # fmt: skip
 """name -> descriptor: the thesis's own, the same with richer endpoints, then the peers."""
