@@ -18,6 +18,7 @@ M = TypeVar("M", bound=BaseModel)
 Fields = Mapping[str, Sequence[str]]
 
 _NULLABLE = frozenset({"tolerance", "max_dissimilarity"})
+_JSON = frozenset({"metadata", "parameters"})
 
 
 def model_of_json(model: type[M], value: Any) -> M:
@@ -30,7 +31,7 @@ def model_of_json(model: type[M], value: Any) -> M:
 
 
 def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = frozenset()) -> M:
-    """The model of text fields: ``tags`` may repeat and hold commas, ``metadata`` is JSON.
+    """The model of text fields: ``tags`` may repeat and hold commas, ``metadata`` and ``parameters`` are JSON.
 
     "null" is null where a number may be null, and a word elsewhere.
 
@@ -44,8 +45,8 @@ def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = f
             values[name] = [tag.strip() for text in texts for tag in text.split(",") if tag.strip()]
         elif len(texts) > 1:
             raise _wrong(name, "was given more than once", "repeated")
-        elif name == "metadata":
-            values[name] = _metadata(texts[0])
+        elif name in _JSON:
+            values[name] = _object(name, texts[0])
         elif texts[0]:  # an empty field of a form says nothing
             values[name] = None if texts[0] == "null" and name in _NULLABLE else texts[0]
     try:
@@ -54,13 +55,13 @@ def model_of_fields(model: type[M], fields: Fields, *, leave: frozenset[str] = f
         raise InvalidRequest(field_errors(error.errors(include_url=False), model, location="form")) from None
 
 
-def _metadata(text: str) -> Any:
+def _object(name: str, text: str) -> Any:
     if not text.strip():
         return {}
     try:
         return parse_json(text)
     except MalformedJson as error:
-        raise _wrong("metadata", f"is not a JSON object: {error.message}", "json_invalid") from None
+        raise _wrong(name, f"is not a JSON object: {error.message}", "json_invalid") from None
 
 
 def _wrong(name: str, detail: str, code: str) -> InvalidRequest:

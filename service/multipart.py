@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Protocol
 
 from python_multipart.exceptions import FormParserError
@@ -13,7 +14,10 @@ from service.errors import MalformedMultipart
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-__all__ = ["FileSink", "Form", "boundary_of"]
+__all__ = ["FILE", "FileSink", "Form", "boundary_of"]
+
+FILE = "file"
+"""The name of the part that is the file."""
 
 MAX_PARTS = 128
 MAX_FIELD_BYTES = 1 << 20
@@ -21,9 +25,9 @@ MAX_HEADER_BYTES = 8192
 
 
 class FileSink(Protocol):
-    """Where the bytes of the file part go."""
+    """Where the bytes of file parts go, one part after another. part: the name of the form field."""
 
-    def begin(self, filename: str | None, media_type: str | None) -> None: ...
+    def begin(self, filename: str | None, media_type: str | None, part: str = ...) -> None: ...
 
     def write(self, data: bytes) -> None: ...
 
@@ -47,14 +51,16 @@ def _text(data: bytes, what: str) -> str:
 
 
 class Form:
-    """One multipart body. ``feed`` it, then ``finish``; ``fields`` then holds what was not the file.
+    """One multipart body. ``feed`` it, then ``finish``; ``fields`` then holds what was no file.
 
-    The file is the part named ``file``; its bytes go to ``sink``. Other fields hold at most MAX_FIELD_BYTES.
+    The file is the part named ``file``; its bytes go to ``sink``, and so do those of parts named in ``others``,
+    which need not be there. Other fields hold at most MAX_FIELD_BYTES.
     """
 
-    def __init__(self, boundary: bytes, sink: FileSink) -> None:
+    def __init__(self, boundary: bytes, sink: FileSink, others: Collection[str] = ()) -> None:
         self.fields: dict[str, list[str]] = {}
-        self.has_file = False
+        self._known = {FILE, *others}
+        self._seen: set[str] = set()
         self._sink = sink
         self._left = MAX_FIELD_BYTES
         self._parts = 0
@@ -74,6 +80,11 @@ class Form:
         self._parser = MultipartParser(
             boundary, callbacks, max_header_count=16, max_header_size=MAX_HEADER_BYTES
         )
+
+    @property
+    def has_file(self) -> bool:
+        """Whether the file came."""
+        return FILE in self._seen
 
     def feed(self, data: bytes) -> None:
         """Parse more of the body. Raises MalformedMultipart, TooManyBytes and whatever the sink raises."""
@@ -105,16 +116,19 @@ class Form:
                 "A part of the multipart body has no header Content-Disposition: form-data; name=…."
             )
         self._name = _text(options[b"name"], "The name of a form field")
-        if self._name == "file":
-            if self.has_file:
-                raise MalformedMultipart("The multipart body has more than one part named `file`; send one.")
-            self.has_file = True
+        if self._name in self._known:
+            if self._name in self._seen:
+                raise MalformedMultipart(
+                    f"The multipart body has more than one part named `{self._name}`; send one."
+                )
+            self._seen.add(self._name)
             self._value = None
             filename = options.get(b"filename")
             media_type = self._headers.get(b"content-type")
             self._sink.begin(
                 None if filename is None else filename.decode("utf-8", "replace"),
                 None if media_type is None else media_type.decode("latin-1"),
+                self._name,
             )
         else:
             self._value = bytearray()

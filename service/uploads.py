@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Collection, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -16,14 +16,23 @@ from reebase.errors import EmptyFile, TooManyBytes, UnknownFormat
 from reebase.mesh.read.sniff import START, canonical, sniff
 from service.bodies import chunks
 from service.errors import MissingFile, UnsupportedMediaType
-from service.multipart import MAX_FIELD_BYTES, Form, boundary_of
+from service.multipart import FILE, MAX_FIELD_BYTES, Form, boundary_of
 from store.blobs import Blobs, BlobWriter
 from store.errors import StoreBusy
 
-__all__ = ["Upload", "received"]
+__all__ = ["Part", "Upload", "received"]
 
 BATCH_BYTES = 1 << 18
 """So much of the body is gathered before a thread parses, hashes and writes it."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Where a file lies in its blob: so many bytes from ``start``. format: a name of ``FORMATS``."""
+
+    start: int
+    size: int
+    format: str
 
 
 @dataclass
@@ -31,12 +40,14 @@ class Upload:
     """A file that is complete on disk but not stored yet, and what came with it.
 
     fields: form fields, or the query parameters of a raw body. size: in bytes. format: a name of ``FORMATS``.
+    parts: of the blob, by the name of the form field; "file" alone unless the route takes another file beside it.
     """
 
     fields: dict[str, list[str]]
     format: str
     filename: str | None
     size: int
+    parts: dict[str, Part]
     _intake: _Intake = field(repr=False)
 
     def keep(self) -> str:
@@ -63,56 +74,91 @@ def clean_filename(given: str | None) -> str | None:
     return shown[:255] if shown not in {"", ".", ".."} else None
 
 
-class _Intake:
-    """The sink of the file's bytes: tells the format from the first ones, then writes to the blob store."""
+@dataclass
+class _Incoming:
+    """A file that comes in; ``head``: what is held back until the format can be told from it."""
 
-    def __init__(self, blobs: Blobs, limit: int) -> None:
+    start: int
+    filename: str | None = None
+    format_hint: str | None = None
+    format: str = ""
+    size: int = 0
+    head: bytearray = field(default_factory=bytearray)
+    passed: bool = False
+
+
+class _Intake:
+    """The sink of files' bytes: tells each one's format from its first ones, then writes to one blob.
+
+    limit: of each file, of which at most ``most`` come.
+    """
+
+    def __init__(self, blobs: Blobs, limit: int, most: int = 1) -> None:
         self.blobs = blobs
         self.limit = limit
-        self.filename: str | None = None
         self.format_hint: str | None = None
-        self.format = ""
-        self.size = 0
-        self._head = bytearray()
+        self.files: dict[str, _Incoming] = {}
+        self._most = most
+        self._now = _Incoming(0)
+        self._written = 0
         self._writer: BlobWriter | None = None
         self._stack = ExitStack()
 
-    def begin(self, filename: str | None, media_type: str | None) -> None:
-        self.filename = clean_filename(filename)
-        self.format_hint = self.format_hint or _format_of(media_type)
+    def begin(self, filename: str | None, media_type: str | None, part: str = FILE) -> None:
+        self._end()
+        self._now = self.files[part] = _Incoming(self._written, clean_filename(filename), _format_of(media_type))
 
     def write(self, data: bytes) -> None:
-        self.size += len(data)
-        if self.size > self.limit:
+        now = self._now
+        now.size += len(data)
+        if now.size > self.limit:
             raise too_large(self.limit)
-        if self._writer is not None:
-            self._writer.write(data)
+        if now.passed:
+            self._put(data)
             return
-        self._head += data
-        if len(self._head) >= START:
-            self._open()
+        now.head += data
+        if len(now.head) >= START:
+            self._pass()
 
-    def _open(self) -> None:
-        head = bytes(self._head)
-        if self.format_hint is None:
-            # What the start does not tell, the size may: see `finish`.
+    def _pass(self) -> None:
+        """Let the held bytes go on to the blob."""
+        now = self._now
+        if self._hint(now) is None:
+            # What the start does not tell, the size may: see `_end`.
             with suppress(UnknownFormat):
-                self.format = sniff(head, self.filename)
-        self._writer = self._stack.enter_context(self.blobs.writer(self.limit))
-        self._writer.write(head)
+                now.format = sniff(bytes(now.head), now.filename)
+        now.passed = True
+        self._put(bytes(now.head))
+
+    def _put(self, data: bytes) -> None:
+        if self._writer is None:
+            self._writer = self._stack.enter_context(self.blobs.writer(self._most * self.limit))
+        self._writer.write(data)
+        self._written += len(data)
+
+    def _hint(self, file: _Incoming) -> str | None:
+        """What was said of the format; of the main file the request may say it."""
+        given = self.format_hint if file is self.files.get(FILE) else None
+        return given or file.format_hint
+
+    def _end(self) -> None:
+        """The file that came last is complete. Raises EmptyFile."""
+        if not self.files:
+            return
+        if self._now.size == 0:
+            raise EmptyFile()
+        if not self._now.passed:
+            self._pass()
 
     def finish(self) -> None:
-        """The file is complete. Raises EmptyFile, UnknownFormat."""
-        if self.size == 0:
-            raise EmptyFile()
-        if self._writer is None:
-            self._open()
-        if not self.format_hint and not self.format:
-            self.format = sniff(bytes(self._head), self.filename, size=self.size)
+        """All files are complete. Raises EmptyFile, UnknownFormat."""
+        self._end()
+        for file in self.files.values():
+            file.format = self._hint(file) or file.format or sniff(bytes(file.head), file.filename, size=file.size)
 
     @property
     def looks_like_json(self) -> bool:
-        return self._head.lstrip().startswith((b"{", b"["))
+        return self.files[FILE].head.lstrip().startswith((b"{", b"["))
 
     def commit(self) -> str:
         if self._writer is None:
@@ -166,10 +212,13 @@ def _one(fields: Mapping[str, Sequence[str]], name: str) -> str | None:
 
 
 @asynccontextmanager
-async def received(request: Request, blobs: Blobs, limit: int, *, or_json: bool = False) -> AsyncIterator[Upload]:
-    """Receive a multipart or raw body of at most ``limit`` bytes; what the block does not keep is dropped.
+async def received(
+    request: Request, blobs: Blobs, limit: int, *, or_json: bool = False, beside: Collection[str] = ()
+) -> AsyncIterator[Upload]:
+    """Receive a multipart or raw body with a file of at most ``limit`` bytes; what the block does not keep is dropped.
 
     or_json: the route takes JSON too, so a body of no format may be JSON that was sent without its header.
+    beside: names of further files that a form may have, each of at most ``limit`` bytes too.
     Raises TooManyBytes (at once when Content-Length says so, else when the limit is passed),
     MalformedMultipart, MissingFile, EmptyFile, UnknownFormat, UnsupportedMediaType and UploadStalled.
     """
@@ -180,16 +229,16 @@ async def received(request: Request, blobs: Blobs, limit: int, *, or_json: bool 
             f"A body of type {kind[:60]} is not read; send multipart/form-data or the bytes."
         )
     declared = request.headers.get("content-length", "")
-    overhead = MAX_FIELD_BYTES * 2 if kind == "multipart/form-data" else 0
+    overhead = MAX_FIELD_BYTES * 2 + len(beside) * limit if kind == "multipart/form-data" else 0
     if declared.isdigit() and int(declared) > limit + overhead:
         raise too_large(limit)
     query = {name: request.query_params.getlist(name) for name in request.query_params}
-    intake = _Intake(blobs, limit)
+    intake = _Intake(blobs, limit, 1 + len(beside))
     if hint := _one(query, "format"):
         intake.format_hint = canonical(hint)
     with intake:
         if kind == "multipart/form-data":
-            form = Form(boundary_of(content_type), intake)
+            form = Form(boundary_of(content_type), intake, beside)
             async for batch in _batches(request, limit, overhead):
                 await run_in_threadpool(form.feed, batch)
             form.finish()
@@ -216,4 +265,6 @@ async def received(request: Request, blobs: Blobs, limit: int, *, or_json: bool 
                     "`Content-Type: application/json`."
                 ) from None
             raise
-        yield Upload(fields, intake.format_hint or intake.format, intake.filename, intake.size, intake)
+        parts = {name: Part(file.start, file.size, file.format) for name, file in intake.files.items()}
+        file = intake.files[FILE]
+        yield Upload(fields, file.format, file.filename, file.size, parts, intake)

@@ -81,7 +81,7 @@ def _task_value(task: Task, collection: str | None) -> TaskValue:
     return TaskValue(
         id=task.id, kind=task.kind, state=task.state, collection=collection, shape=task.shape_id,
         progress=Progress(stage=task.stage, fraction=task.fraction), error=error_value(task),
-        result=task.result if task.kind == "query" else None, attempt=task.attempt, crashes=task.crashes,
+        result=task.result if task.kind in ("query", "denoise") else None, attempt=task.attempt, crashes=task.crashes,
         cancel_requested=task.cancel_requested, created_at=task.created_at, started_at=task.started_at,
         finished_at=task.finished_at,
     )  # fmt: skip

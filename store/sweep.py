@@ -112,7 +112,7 @@ def remove_unnamed(database: Database, blobs: Blobs, sha256: str, grace_seconds:
 
 
 def _purge_queries(conn: Connection, keep_seconds: float) -> int:
-    old = and_(task.c.kind == "query", task.c.finished_at < now(-keep_seconds))
+    old = and_(task.c.kind.in_(("query", "denoise")), task.c.finished_at < now(-keep_seconds))
     return conn.execute(delete(task).where(old)).rowcount
 
 

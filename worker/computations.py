@@ -18,6 +18,7 @@ import numpy as np
 
 from reebase.errors import MeshError, MissingPackage
 from reebase.mesh.mesh import Mesh
+from worker.denoising import denoise
 
 __all__ = ["COMPUTATIONS", "warm"]
 
@@ -104,7 +105,7 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
 
 
 COMPUTATIONS: dict[str, Computation] = {
-    "describe": describe, "evaluate": evaluate, "probe": probe, "synthesise": synthesise,
+    "denoise": denoise, "describe": describe, "evaluate": evaluate, "probe": probe, "synthesise": synthesise,
 }  # fmt: skip
 
 
@@ -127,6 +128,10 @@ def warm() -> None:
             describe({"format": format, "limits": {}, "profile": profile}, source, outputs, _silent)
         except (MissingPackage, MeshError):
             continue  # what is not installed, or refused, needs no warming
+    noisy = to_bytes(kernels.sample(), "ply")
+    parts = {name: {"start": 0, "size": len(noisy), "format": "ply"} for name in ("file", "truth")}
+    how = {"parts": parts, "method": "auto", "iterations": 1, "boundary": "curve", "parameters": {}, "limits": {}}
+    denoise(how, io.BytesIO(noisy), {"mesh": io.BytesIO()}, _silent)
     stacked = io.BytesIO()
     np.savez(stacked, features=np.tile(_SOME_FEATURES, (4, 1)), offsets=np.arange(0, 9, 2))
     stacked.seek(0)

@@ -24,7 +24,7 @@ from store.settings import Settings
 from store.tasks import DatabaseQueue, TaskQueue
 from worker.claim import CancelledError, Claim, LostError, Stop, StoppedError
 from worker.guards import ChildLimits
-from worker.jobs import describe, evaluate, query
+from worker.jobs import denoise, describe, evaluate, query
 from worker.sandbox import ChildError, Sandbox, SandboxError
 from worker.tools import Tools
 
@@ -43,6 +43,7 @@ _HEALING = (StorageFull, ProfileChanged)  # of a job: another attempt may end be
 _JOBS: dict[str, Callable[[Tools, Claim], None]] = {
     "describe": describe.run,
     "query": query.run,
+    "denoise": denoise.run,
     "evaluate": evaluate.run,
 }
 

@@ -47,12 +47,22 @@ class Tools:
         The files are ``description`` (see ``Description.load``) and the outputs asked for: ``cleaned``,
         ``denoised``. Raises ChildError, BlobNotFound, CorruptBlob, and what ``claim.tick`` raises.
         """
+        with self.computed(
+            claim, "describe", {"format": format, "profile": profile}, source, ("description", *outputs), progress
+        ) as finished:
+            yield finished
+
+    @contextmanager
+    def computed(
+        self, claim: Claim, computation: str, arguments: dict[str, Any], source: str | bytes,
+        outputs: tuple[str, ...], progress: bool = True,
+    ) -> Iterator[Finished]:  # fmt: skip
+        """Run a computation on meshes, which gets ``limits`` too; the rest as ``described``."""
         limits = {
             "bytes": self.settings.max_upload_bytes,
             "vertices": self.settings.max_vertices,
             "faces": self.settings.max_faces,
         }
-        arguments = {"format": format, "profile": profile, "limits": limits}
         with tempfile.TemporaryFile() as file:
             # A copy, because a blob may lie elsewhere, and because its hash is verified on the way.
             with claim.kept():
@@ -60,7 +70,7 @@ class Tools:
                     file.write(piece)
                 file.seek(0)
             with self.sandbox.run(
-                "describe", arguments, file, ("description", *outputs),
+                computation, {**arguments, "limits": limits}, file, outputs,
                 progress=claim.progress if progress else None, tick=claim.tick,
             ) as finished:  # fmt: skip
                 yield finished

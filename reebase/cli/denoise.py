@@ -9,7 +9,7 @@ import typer
 
 from reebase.cli.output import STDOUT, check_picture, check_target, results, shown, write_bytes
 from reebase.denoise import METHODS
-from reebase.errors import ParameterError, ReebaseError
+from reebase.errors import ParameterError
 
 if TYPE_CHECKING:
     from reebase.mesh.mesh import Mesh
@@ -46,7 +46,7 @@ def denoise(
     With --noise and without --truth the mesh itself is the truth. Exit code 0: written. 2: a mesh or an option was
     refused.
     """
-    from reebase.denoise import add_noise, choose
+    from reebase.denoise import add_noise, apply_choice, choose, joined_soup
     from reebase.denoise import denoise as filtered
     from reebase.mesh.read import read
     from reebase.mesh.write import to_bytes
@@ -59,15 +59,19 @@ def denoise(
         parameters = _parameters(method, set_ or [])
     elif set_:
         raise ParameterError("The method none has no parameters; leave --set out.")
-    before = read(mesh)
-    true = read(truth) if truth is not None else before if noise is not None else None
+    before = joined_soup(read(mesh))
+    true = joined_soup(read(truth)) if truth is not None else before if noise is not None else None
     if noise is not None:
         before = add_noise(before, noise, kind, seed)
 
     out = results()
-    if method == "auto":
-        out.print(_said(choose(before)))
-    after = before if method == "none" else filtered(before, method, iterations, boundary=boundary, **parameters)
+    choice = choose(before) if method == "auto" else None
+    if choice is not None:
+        out.print(_said(choice))
+    if choice is not None and iterations == 1:
+        after = apply_choice(before, choice, boundary)
+    else:
+        after = before if method == "none" else filtered(before, method, iterations, boundary=boundary, **parameters)
     errors = [] if true is None else [(name, _errors(true, found)) for name, found in _stages(before, after)]
     data = to_bytes(after, target.suffix[1:].lower())
     drawn = None if picture is None else _drawn(before, after, image)
@@ -120,24 +124,18 @@ def _stages(before: Mesh, after: Mesh) -> list[tuple[str, Mesh]]:
 
 def _errors(truth: Mesh, found: Mesh) -> list[str]:
     """Every measure, with its unit. Raises ParameterError when the faces differ."""
-    import numpy as np
+    from reebase.denoise import measure_errors
 
-    from reebase.denoise import face_normal_error, mean_angle, vertex_error, visual_error, volume_change
-    from reebase.mesh.geometry import mean_edge_length
-
-    edge = mean_edge_length(truth)
-    values = [
-        f"angle {mean_angle(truth, found):.2f} degrees",
-        f"face normals {face_normal_error(truth, found):.4f}",
-        f"visual {visual_error(truth, found) / edge**2:.4f} squared mean edges",
-        f"displacement {np.linalg.norm(found.vertices - truth.vertices, axis=1).mean() / edge:.4f} mean edges",
-        f"distance {100 * vertex_error(truth, found):.4f} % of the diagonal",
+    errors = measure_errors(truth, found)
+    return [
+        f"angle {errors.mean_angle:.2f} degrees",
+        *([] if errors.edge_angle is None else [f"at sharp edges {errors.edge_angle:.2f} degrees"]),
+        f"face normals {errors.face_normal_error:.4f}",
+        f"visual {errors.visual_error:.4f} squared mean edges",
+        f"displacement {errors.displacement:.4f} mean edges",
+        f"distance {100 * errors.vertex_error:.4f} % of the diagonal",
+        "volume not enclosed" if errors.volume_change is None else f"volume {errors.volume_change:+.3f} %",
     ]
-    try:
-        values.append(f"volume {volume_change(truth, found):+.3f} %")
-    except ReebaseError:
-        values.append("volume not enclosed")
-    return values
 
 
 def _drawn(before: Mesh, after: Mesh, kind: str) -> bytes:

@@ -26,8 +26,11 @@ try:
     )
     from reebase.client.records import (
         Answer,
+        Choice,
         Collection,
         Counts,
+        Denoised,
+        Errors,
         Evaluation,
         Failure,
         Filter,
@@ -51,8 +54,8 @@ except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is 
     raise MissingPackage("The client needs httpx: pip install 'reebase[client]'.") from missing
 
 __all__ = [
-    "Answer", "Client", "Collection", "Counts", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape",
-    "Matrix", "Measure", "Pair", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits",
-    "ServiceUnreachable", "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload",
-    "WaitTimeout",
+    "Answer", "Choice", "Client", "Collection", "Counts", "Denoised", "Errors", "Evaluation", "Failure", "Filter",
+    "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Progress", "Readiness", "RequestBroken",
+    "ServiceError", "ServiceLimits", "ServiceUnreachable", "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply",
+    "Unmatched", "Upload", "WaitTimeout",
 ]  # fmt: skip

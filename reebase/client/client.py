@@ -6,7 +6,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any, Self, TypeVar, cast
 from urllib.parse import quote
@@ -20,6 +20,7 @@ from reebase.client.errors import ServiceError, TaskFailed, WaitTimeout
 from reebase.client.records import (
     Answer,
     Collection,
+    Denoised,
     Evaluation,
     Filter,
     Formats,
@@ -256,6 +257,46 @@ class Client:
             return [records.outcome_of(one) for one in found["results"]]
 
         return self._get(outcomes, _collection(collection) + "/queries", method="POST", reads=True, json=body)
+
+    # -- denoising
+
+    def denoise(
+        self, source: Source, method: str = "auto", iterations: int = 1, *, boundary: str = "curve",
+        parameters: Mapping[str, Any] | None = None, truth: Source | None = None, format: str | None = None,
+        wait: float = 600.0,
+    ) -> Denoised:  # fmt: skip
+        """Denoise a mesh that is not kept in a collection; ``denoised`` gives the resulting mesh.
+
+        method, iterations, boundary, parameters: as of ``reebase.denoise``. truth: a mesh with the same faces, for
+        the errors before and after. format: of the source, where content and file name do not tell.
+        Raises ServiceError: ``unknown_name``, ``invalid_parameter``, and what an upload may; TaskFailed, WaitTimeout.
+        """
+        end = time.monotonic() + wait
+        form = _given({
+            "method": method, "iterations": iterations, "boundary": boundary, "format": format,
+            "parameters": json.dumps(dict(parameters or {})), "wait": min(max(wait, 0.0), self._poll),
+        })  # fmt: skip
+        with ExitStack() as stack:
+            files = {"file": stack.enter_context(_opened(source, None))}
+            if truth is not None:
+                files["truth"] = stack.enter_context(_opened(truth, None))
+            reply = self._http.request("POST", "/v1/denoise", creates=True, data=form, files=files)
+        found = self._http.object_of(reply)
+        if reply.status_code == httpx.codes.ACCEPTED:
+            task = self._http.built(lambda values: records.task_of(values["task"]), found)
+            self.wait(task, timeout=end - time.monotonic())
+            return self._get(records.denoised_of, f"/v1/denoise/{_segment(task.id)}")
+        return cast(Denoised, self._http.built(records.denoised_of, found))
+
+    def denoised(self, task: Denoised | str) -> Mesh:
+        """The mesh that a request for denoising gave."""
+        return read(self.denoised_bytes(task, format="ply"), "ply")
+
+    def denoised_bytes(self, task: Denoised | str, *, format: str = "ply") -> bytes:
+        """The same as a file: ply, glb, obj, stl or off. PLY and GLB carry ``displacement``."""
+        identifier = task if isinstance(task, str) else task.task
+        path = f"/v1/denoise/{_segment(identifier)}/mesh"
+        return self._http.request("GET", path, params={"format": format}).content
 
     # -- tasks
 

@@ -14,8 +14,9 @@ import numpy.typing as npt
 from reebase.client.errors import ServiceError
 
 __all__ = [
-    "Answer", "Collection", "Counts", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix",
-    "Measure", "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
+    "Answer", "Choice", "Collection", "Counts", "Denoised", "Errors", "Evaluation", "Failure", "Filter", "Formats",
+    "Hit", "HitShape", "Matrix", "Measure", "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task",
+    "Unmatched", "Upload",
 ]  # fmt: skip
 
 _Record = TypeVar("_Record")
@@ -194,6 +195,53 @@ class Answer:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """What ``auto`` picked, and why; as ``reebase.denoise.Choice``."""
+
+    method: str
+    iterations: int
+    parameters: dict[str, Any]
+    noise: float
+    surface: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Errors:
+    """How far a mesh is from the truth; as ``reebase.denoise.Errors``."""
+
+    mean_angle: float
+    edge_angle: float | None
+    face_normal_error: float
+    visual_error: float
+    displacement: float
+    vertex_error: float
+    volume_change: float | None
+
+
+@dataclass(frozen=True)
+class Denoised:
+    """What was done to a mesh.
+
+    task: under which ``denoised_bytes`` gives the mesh, for some days. choice: of ``auto``. displacement: how far
+    vertices moved, ``mean`` and ``largest``, in the mesh's units. before, after: errors, where a truth was sent.
+    """
+
+    task: str
+    method: str
+    iterations: int
+    boundary: str
+    parameters: dict[str, Any]
+    choice: Choice | None
+    vertices: int
+    faces: int
+    mean_edge_length: float
+    displacement: dict[str, float]
+    before: Errors | None
+    after: Errors | None
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """An evaluation and its task. report: None until that succeeded, and in lists."""
 
@@ -335,6 +383,12 @@ def outcome_of(values: Json) -> Answer | ServiceError:
 
 def evaluation_of(values: Json) -> Evaluation:
     return record(Evaluation, values, task=task_of(values["task"]))
+
+
+def denoised_of(values: Json) -> Denoised:
+    choice, errors = values["choice"], values["errors"] or {}
+    both = {stage: record(Errors, errors[stage]) if errors else None for stage in ("before", "after")}
+    return record(Denoised, values, choice=None if choice is None else record(Choice, choice), **both)
 
 
 def field_of(values: Json) -> npt.NDArray[np.float64]:

@@ -8,16 +8,22 @@ truth.
 
 from reebase.denoise.automatic import Choice
 from reebase.denoise.errors import (
+    Errors,
+    displacement,
+    edge_angle,
     face_normal_error,
     mean_angle,
+    measure_errors,
     vertex_error,
     visual_error,
     volume_change,
 )
-from reebase.denoise.filters import BOUNDARIES, METHODS, choose, denoise
+from reebase.denoise.filters import BOUNDARIES, METHODS, apply_choice, choose, denoise
 from reebase.denoise.noise import NOISES, add_noise
+from reebase.denoise.soup import joined_soup
 
 __all__ = [
-    "BOUNDARIES", "METHODS", "NOISES", "Choice", "add_noise", "choose", "denoise", "face_normal_error", "mean_angle",
-    "vertex_error", "visual_error", "volume_change",
+    "BOUNDARIES", "METHODS", "NOISES", "Choice", "Errors", "add_noise", "apply_choice", "choose", "denoise",
+    "displacement", "edge_angle", "face_normal_error", "joined_soup", "mean_angle", "measure_errors", "vertex_error",
+    "visual_error", "volume_change",
 ]  # fmt: skip

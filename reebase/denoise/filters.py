@@ -27,7 +27,7 @@ from reebase.errors import ParameterError, unknown_name
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import Rings, rings
 
-__all__ = ["BOUNDARIES", "METHODS", "choose", "denoise"]
+__all__ = ["BOUNDARIES", "METHODS", "apply_choice", "choose", "denoise"]
 
 METHODS: dict[str, Filter] = {
     entry.name: entry
@@ -89,6 +89,15 @@ def choose(mesh: Mesh) -> Choice:
     around = rings(mesh.faces, len(mesh.vertices))
     start, scale = framed(mesh.vertices, around)
     return chosen(Surface(start, mesh.faces, around, scale))
+
+
+def apply_choice(mesh: Mesh, choice: Choice, boundary: str = "curve") -> Mesh:
+    """What ``denoise(mesh, "auto")`` gives, for the choice that ``choose`` made. Raises UnknownName."""
+    if boundary not in BOUNDARIES:
+        raise unknown_name("boundary", boundary, BOUNDARIES)
+    if choice.method == "none":
+        return mesh
+    return denoise(mesh, choice.method, choice.iterations, boundary=boundary, **choice.parameters)
 
 
 def held(boundary: str, around: Rings) -> Hold:

@@ -65,10 +65,7 @@ class Comparison:
 
         progress: called with the fraction of the work that is done, after each row. Raises ParameterError.
         """
-        return self.all_pairs([self.rows(one, f"shapes[{i}]") for i, one in enumerate(kept)], measure, progress)
-
-    def all_pairs(self, shapes: Sequence[Array], measure: str, progress: Progress | None = None) -> Array:
-        """As ``matrix``, of shapes whose ``rows`` are known."""
+        shapes = [self.rows(one, f"shapes[{i}]") for i, one in enumerate(kept)]
         stack, symmetric = Stack.of(shapes), measure not in self.one_sided
         count, done = len(shapes), 0
         out = np.zeros((count, count))

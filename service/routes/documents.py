@@ -1,10 +1,10 @@
-"""OpenAPI for the two routes that read their bodies themselves, because these are meshes that stream."""
+"""OpenAPI for the routes that read their bodies themselves, because these are meshes that stream."""
 
 from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["QUERY", "UPLOAD"]
+__all__ = ["DENOISE", "QUERY", "UPLOAD"]
 
 _BYTES: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 
@@ -30,6 +30,19 @@ _ABOUT_QUERY: dict[str, dict[str, Any]] = {
     "max_dissimilarity": {"type": "number", "minimum": 0},
     "format": {"type": "string"},
 }
+
+
+_ABOUT_DENOISING: dict[str, dict[str, Any]] = {
+    "method": {"type": "string", "description": "One of /v1/filters, but `none`.", "default": "auto"},
+    "iterations": {"type": "integer", "minimum": 1, "maximum": 1000, "default": 1},
+    "boundary": {"type": "string", "enum": ["curve", "fixed", "free"], "default": "curve"},
+    "parameters": {
+        "type": "string", "description": "A JSON object: the method's, by name.", "examples": ['{"step": 0.5}'],
+    },
+    "wait": {"type": "number", "minimum": 0, "maximum": 60, "default": 30},
+    "format": {"type": "string", "description": "One of /v1/formats, where content and name do not tell."},
+}  # fmt: skip
+_TRUTH = {"type": "string", "format": "binary", "description": "The true mesh, with the same faces."}
 
 
 def _parameters(fields: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
@@ -85,3 +98,15 @@ QUERY: dict[str, Any] = {
     },
 }  # fmt: skip
 """POST …/query."""
+
+DENOISE: dict[str, Any] = {
+    "parameters": _parameters(_ABOUT_DENOISING),
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": _form({**_ABOUT_DENOISING, "truth": _TRUTH}),
+            "application/octet-stream": _BYTES,
+        },
+    },
+}
+"""POST /v1/denoise."""

@@ -280,7 +280,7 @@ class _Sink:
         self.named: str | None = None
         self.data = b""
 
-    def begin(self, filename: str | None, media_type: str | None) -> None:
+    def begin(self, filename: str | None, media_type: str | None, part: str = "file") -> None:
         self.named = filename
 
     def write(self, data: bytes) -> None:

@@ -5,8 +5,12 @@ import pytest
 
 from reebase.denoise import (
     add_noise,
+    displacement,
+    edge_angle,
     face_normal_error,
+    joined_soup,
     mean_angle,
+    measure_errors,
     vertex_error,
     visual_error,
     volume_change,
@@ -18,8 +22,8 @@ from tests.oracles import denoise as oracle
 from tests.shapes import cube, flipped, grid, icosphere, joined, moebius, moved, torus
 
 MEASURES = {
-    "mean_angle": mean_angle, "face_normal_error": face_normal_error, "visual_error": visual_error,
-    "vertex_error": vertex_error, "volume_change": volume_change,
+    "mean_angle": mean_angle, "displacement": displacement, "face_normal_error": face_normal_error,
+    "visual_error": visual_error, "vertex_error": vertex_error, "volume_change": volume_change,
 }  # fmt: skip
 every_measure = pytest.mark.parametrize("measure", MEASURES.values(), ids=MEASURES)
 
@@ -44,7 +48,9 @@ def test_without_faces_nothing_can_be_said(measure) -> None:
         measure(points, points)
 
 
-@pytest.mark.parametrize("measure", [mean_angle, face_normal_error, visual_error, volume_change])
+@pytest.mark.parametrize(
+    "measure", [mean_angle, displacement, edge_angle, face_normal_error, visual_error, volume_change]
+)
 def test_other_faces_are_refused(measure) -> None:
     with pytest.raises(ParameterError, match="same faces"):
         measure(torus(), flipped(torus()))
@@ -139,3 +145,52 @@ def test_the_distance_to_a_triangle_by_region() -> None:
 def test_the_distance_to_a_triangle_that_is_a_line_or_a_point() -> None:
     line = np.array([[[0.0, 0, 0], [1, 0, 0], [3, 0, 0]], [[1, 1, 1], [1, 1, 1], [1, 1, 1]]])
     assert np.sqrt(square_distances(np.array([2.0, 2, 0]), line)) == pytest.approx([2, np.sqrt(3)])
+
+
+def test_displacement_counts_mean_edges_and_no_isolated_vertices() -> None:
+    """A cube of 12 sides of length 1 and 6 diagonals, moved by 1/2."""
+    alone = np.vstack([cube().vertices, [[np.nan] * 3]])
+    truth, result = Mesh(alone, cube().faces), Mesh(alone + np.array([0.3, 0, -0.4]), cube().faces)
+    assert displacement(truth, result) == pytest.approx(0.5 * 18 / (12 + 6 * np.sqrt(2)))
+
+
+def roof(degrees: float) -> Mesh:
+    """A level side over x < 0, and one that falls at a right angle less ``degrees`` beyond the ridge x = 0."""
+    flat = grid(8, 4)
+    x, y, _ = (flat.vertices - [0.5, 0, 0]).T
+    fall = np.radians(90 - degrees)
+    beyond = np.maximum(x, 0)
+    return Mesh(np.stack([np.where(x > 0, np.cos(fall) * x, x), y, -np.sin(fall) * beyond], axis=1), flat.faces)
+
+
+def test_the_angle_at_edges_is_that_of_the_faces_round_them() -> None:
+    truth, bent = roof(0), roof(10)
+    x = grid(8, 4).vertices[grid(8, 4).faces][:, :, 0] - 0.5
+    near, beyond = (x == 0).any(axis=1), x.max(axis=1) > 0
+    assert 0 < near.sum() < len(near)
+    assert edge_angle(truth, bent) == pytest.approx(10 * beyond[near].mean())
+    assert mean_angle(truth, bent) == pytest.approx(10 * beyond.mean())
+    assert edge_angle(truth, bent, 95.0) is None
+    assert edge_angle(torus(), add_noise(torus(), 0.2)) is None
+
+
+def test_all_errors_at_once_are_each_by_itself() -> None:
+    truth, result = torus(), add_noise(torus(), 0.3)
+    found = measure_errors(truth, result)
+    for name, measure in MEASURES.items():
+        if name != "visual_error":
+            assert getattr(found, name) == measure(truth, result)
+    larger = measure_errors(Mesh(7 * truth.vertices, truth.faces), Mesh(7 * result.vertices, result.faces))
+    assert larger.visual_error == pytest.approx(found.visual_error)
+    assert measure_errors(moebius(), moebius()).volume_change is None
+
+
+def test_triangles_without_common_vertices_are_joined_soup() -> None:
+    mesh = torus()
+    soup = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3))
+    found = joined_soup(soup)
+    assert len(found.vertices) == len(mesh.vertices)
+    assert np.array_equal(found.vertices[found.faces], mesh.vertices[mesh.faces])
+    assert joined_soup(mesh) is mesh
+    one = Mesh(np.eye(3), [[0, 1, 2]])
+    assert joined_soup(one) is one

@@ -1,0 +1,172 @@
+"""Denoising of a mesh that is not kept in a collection: a mesh in, a mesh out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any, Literal
+
+from fastapi import Query
+from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from service.auth import Principal, Reader
+from service.context import Context, Here
+from service.downloads import file_response
+from service.forms import model_of_fields
+from service.problems import task_problem
+from service.replay import REPLAYED, json_response, once, same_request
+from service.routes.about import WRITTEN
+from service.routes.common import IdempotencyKey, IdPath, api_router
+from service.routes.documents import DENOISE
+from service.routes.tasks import ASKED_BY, visible_task
+from service.schemas.denoise import DenoisedValue, DenoisingParameters, PendingDenoising
+from service.uploads import Upload, received
+from service.values import task_value
+from service.waiting import wait_for
+from store import faults, outputs, tasks
+from store.errors import Conflict, NotFound, TaskNotFound
+from store.records import Task
+
+__all__ = ["router"]
+
+router = api_router("denoising")
+
+TRUTH = "truth"
+"""The form's second file."""
+
+_OF_THE_FILE = frozenset({"format", "filename"})
+
+_PENDING: dict[int | str, dict[str, Any]] = {
+    202: {
+        "description": "The mesh is still being denoised; look at its task.",
+        "model": PendingDenoising,
+        "headers": {"Location": {"description": "The task.", "schema": {"type": "string"}}},
+    },
+}
+_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+_MESH: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The mesh.", "content": dict.fromkeys(WRITTEN.values(), _BINARY)},
+    304: {"description": "Not modified."},
+}
+
+
+@router.post(
+    "/denoise", operation_id="denoise", summary="Take the noise from a mesh", response_model=DenoisedValue,
+    responses=_PENDING, openapi_extra=DENOISE,
+)  # fmt: skip
+async def denoise(
+    request: Request, here: Here, principal: Reader, idempotency_key: IdempotencyKey = None
+) -> Response:
+    """What was done, where the mesh is, and with a `truth` beside it the errors before and after.
+
+    Send the mesh as multipart (`file`, perhaps `truth` with the same faces) or its bytes. What is not done within
+    `wait` seconds is answered with its task. Triangles that share no vertices, as in STL, are joined first.
+    """
+    principal.need_everywhere()
+    async with received(request, here.blobs, here.settings.max_upload_bytes, beside=(TRUTH,)) as upload:
+        asked = model_of_fields(DenoisingParameters, upload.fields, leave=_OF_THE_FILE)
+        await run_in_threadpool(_check, asked)
+        task, response = await run_in_threadpool(
+            _enqueue, request, here, principal, upload, asked, idempotency_key
+        )
+    ended = await wait_for(request, here, task, min(asked.wait, here.settings.max_wait_seconds))
+    replayed = {name: value for name, value in response.headers.items() if name == REPLAYED.lower()}
+    if ended.state == "succeeded":
+        return json_response(_value(ended), 200, replayed)
+    return task_problem(request, ended) if ended.ended else await run_in_threadpool(_pending, here, ended, replayed)
+
+
+def _check(asked: DenoisingParameters) -> None:
+    """Raises UnknownName, ParameterError."""
+    from reebase.denoise import METHODS
+    from reebase.errors import unknown_name
+
+    if asked.method not in METHODS:
+        raise unknown_name("method", asked.method[:80], METHODS)
+    METHODS[asked.method].checked(asked.parameters)
+
+
+def _enqueue(
+    request: Request, here: Context, principal: Principal, upload: Upload, wanted: DenoisingParameters,
+    idempotency_key: str | None,
+) -> tuple[str, Response]:  # fmt: skip
+    """The id of the task, and the answer that names it."""
+    sha256 = upload.keep()
+    faults.point("upload.blob_stored")
+    params = {
+        **wanted.model_dump(exclude={"wait"}), "parts": {name: asdict(part) for name, part in upload.parts.items()}
+    }
+    asked = same_request(request, principal, idempotency_key, {"sha256": sha256, **params})
+    try:
+        with here.database.write() as conn:
+
+            def work() -> Response:
+                upload.check_kept(sha256)
+                asking = {**params, ASKED_BY: principal.key_id}
+                task = tasks.enqueue(conn, "denoise", params=asking, blob=sha256)
+                value = PendingDenoising(task=task_value(conn, task))
+                return json_response(value, 202, {"Location": f"/v1/tasks/{task.id}"})
+
+            response = once(conn, here, asked, work)
+    except (Conflict, NotFound):
+        here.remove_unnamed(sha256, 0.0)
+        raise
+    if REPLAYED in response.headers:
+        here.remove_unnamed(sha256, 0.0)  # the task that has it may have ended long ago
+    faults.point("upload.row_committed")
+    return response.headers["location"].rsplit("/", 1)[-1], response
+
+
+def _pending(here: Context, task: Task, headers: dict[str, str]) -> Response:
+    with here.database.read() as conn:
+        value = PendingDenoising(task=task_value(conn, task))
+    return json_response(value, 202, {**headers, "Location": f"/v1/tasks/{task.id}"})
+
+
+def _value(task: Task) -> DenoisedValue:
+    return DenoisedValue.model_validate(
+        {"task": task.id, "mesh": f"/v1/denoise/{task.id}/mesh", **(task.result or {})}
+    )
+
+
+def _denoised(conn: Connection, principal: Principal, task: str) -> tuple[Task, str]:
+    found = visible_task(conn, principal, task)
+    if found.kind != "denoise":
+        raise TaskNotFound(f"The task {found.id} denoises no mesh; it is of the kind {found.kind}.")
+    return found, outputs.find(conn, found, "mesh")
+
+
+@router.get("/denoise/{task}", operation_id="getDenoised", summary="What was done to a mesh")
+def get_denoised(here: Here, principal: Reader, task: IdPath) -> DenoisedValue:
+    """The answer of the request that was answered with this task, once it succeeded."""
+    with here.database.read() as conn:
+        return _value(_denoised(conn, principal, task)[0])
+
+
+@router.get(
+    "/denoise/{task}/mesh", operation_id="getDenoisedMesh", summary="A denoised mesh", response_class=Response,
+    responses=_MESH,
+)  # fmt: skip
+def get_denoised_mesh(
+    request: Request, here: Here, principal: Reader, task: IdPath,
+    format: Annotated[Literal["ply", "glb", "obj", "stl", "off"], Query()] = "ply",
+) -> Response:  # fmt: skip
+    """The mesh; PLY and GLB carry the length of each vertex's way as `displacement`."""
+    from reebase.mesh.read import read_scalars
+    from reebase.mesh.write import to_bytes
+
+    with here.database.read() as conn:
+        _, sha256 = _denoised(conn, principal, task)
+
+    def content() -> bytes:
+        data = here.blobs.get(sha256)
+        if format == "ply":
+            return data
+        mesh, scalars = read_scalars(data)
+        return to_bytes(mesh, format, scalars=scalars if format == "glb" else None)
+
+    return file_response(
+        request, content, etag=f"{sha256}-{format}", media_type=WRITTEN[format], filename=f"denoised.{format}"
+    )
