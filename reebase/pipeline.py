@@ -215,7 +215,7 @@ def describe(
     with clock.stage("operator"):
         body_operator = operator(body, profile.operator)
     with clock.stage("eigenpairs"):
-        spectrum = eigenpairs(body_operator, max(3, eigenpairs_needed(profile.field)))
+        spectrum = eigenpairs(body_operator, _pairs(profile.field, body))
         values = scalar_field(profile.field, body, spectrum)
     with clock.stage("skeleton"):
         graph = reeb_graph(body, values, profile.bands)
@@ -262,5 +262,10 @@ def skeleton(
     for a non-manifold mesh without robust-laplacian.
     """
     body, _ = largest_component(mesh)
-    spectrum = eigenpairs(operator(body), max(3, eigenpairs_needed(field)))
+    spectrum = eigenpairs(operator(body), _pairs(field, body))
     return prune(reeb_graph(body, scalar_field(field, body, spectrum), bands), threshold, saliency)
+
+
+def _pairs(field: str, body: Mesh) -> int:
+    """How many eigenpairs to compute: what the field reads and the report needs, as far as there are vertices."""
+    return min(max(3, eigenpairs_needed(field)), max(3, len(body.vertices)))

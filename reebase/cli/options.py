@@ -18,7 +18,7 @@ Denoise = Annotated[str, typer.Option(help=f"Denoising filter: none, {', '.join(
 Iterations = Annotated[int, typer.Option(help="Iterations of the filter.", min=1)]
 Threshold = Annotated[float, typer.Option(help="Branches with less than this share are pruned.", min=0.0, max=0.99)]
 Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area or length.")]
-Field = Annotated[str, typer.Option(help="Scalar field: fiedler, eigenfunction:K or height.")]
+Field = Annotated[str, typer.Option(help="fiedler, eigenfunction:K, auto_diffusion:T, geodesic_integral or height.")]
 Area = Annotated[str, typer.Option(help="Node area: band or ring.")]
 Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, cotangent or tufted.")]
 Measure = Annotated[str, typer.Option(help="Dissimilarity: matching, matching_mean, greedy or literal.")]

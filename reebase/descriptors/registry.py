@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, shape_dna, srg, views, wks
+from reebase.descriptors import d2, extended, gps, hks, rgpd, shape_dna, srg, views, wks
 from reebase.descriptors.surface import Surface, surface_of
 from reebase.descriptors.vectors import VECTORS
 from reebase.descriptors.views import VIEWS
@@ -90,6 +90,8 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
                    srg.describe, ENDPOINTS, tuple(MEASURES)),
         Descriptor("extended", "Endpoints of the auto diffusion field with heat signatures, compared by D.",
                    extended.describe, CHARGED, ("matching",), place=extended.place),
+        Descriptor("rgpd", "Endpoints of the Reeb graph of geodesic distance, compared by D.",
+                   rgpd.describe, ENDPOINTS, tuple(MEASURES)),
         Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, VECTORS, ("l2", "l1")),
         Descriptor("hks", "Quantiles of the heat kernel signature.", hks.describe, VECTORS, ("l1", "l2")),
         Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2")),

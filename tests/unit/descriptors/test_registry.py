@@ -89,8 +89,9 @@ def test_neither_motion_nor_scale_nor_order_makes_it_another_shape(name):
     kept = [descriptor.describe(surface) for surface in SURFACES]
     apart = descriptor.compare(kept[0], kept[1])
     copy = permuted(moved(SHAPES[0], (3, -2, 1), scale=25.4, seed=4), seed=7)[0]
-    # d2 and gps look at a sample of points, which follows the order of the faces; phi_2 is iterated to 1e-5.
-    exact = 1e-3 if name == "srg" else 1e-6
+    # d2 and gps look at a sample of points, which follows the order of the faces; phi_2 is iterated to 1e-5; of points
+    # that are equally far, as on this shape, which is its own mirror image, rounding decides which one rgpd takes.
+    exact = {"srg": 1e-3, "rgpd": 0.05}.get(name, 1e-6)
     allowed = 0.1 if name in ("d2", "gps") else exact
     assert descriptor.compare(kept[0], descriptor.describe(copy)) < allowed * apart
     same_order = moved(SHAPES[0], (3, -2, 1), scale=25.4, seed=4)
