@@ -65,7 +65,10 @@ class Comparison:
 
         progress: called with the fraction of the work that is done, after each row. Raises ParameterError.
         """
-        shapes = [self.rows(one, f"shapes[{i}]") for i, one in enumerate(kept)]
+        return self.all_pairs([self.rows(one, f"shapes[{i}]") for i, one in enumerate(kept)], measure, progress)
+
+    def all_pairs(self, shapes: Sequence[Array], measure: str, progress: Progress | None = None) -> Array:
+        """As ``matrix``, of shapes whose ``rows`` are known."""
         stack, symmetric = Stack.of(shapes), measure not in self.one_sided
         count, done = len(shapes), 0
         out = np.zeros((count, count))

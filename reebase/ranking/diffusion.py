@@ -7,11 +7,15 @@ the graph of nearest neighbours, from the query and from the candidate at once, 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
 
 from reebase.errors import ParameterError
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 __all__ = ["CANDIDATES", "rerank", "reranked_matrix"]
 
@@ -59,6 +63,8 @@ def reranked_matrix(dissimilarities: Array) -> Array:
 
 def _walk(dissimilarities: Array) -> csr_array[np.float64]:
     """The transition matrix between nearest neighbours, (n, n)."""
+    from scipy.sparse import csr_array
+
     F = np.asarray(dissimilarities, dtype=np.float64)
     if F.ndim != 2 or F.shape[0] != F.shape[1]:
         raise ParameterError(f"The dissimilarities of all pairs must have shape (n, n); found {F.shape}.")

@@ -1,0 +1,142 @@
+"""A gallery ranks as the matrix of all pairs does, whatever way it came to hold what it holds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from reebase.descriptors import DESCRIPTORS
+from reebase.errors import ParameterError, UnknownName
+from reebase.matching import MEASURES
+from reebase.ranking import FUSED, PARTS, RANKINGS, ranking_named
+from reebase.search import Gallery, gallery
+
+RANDOM = np.random.default_rng(0)
+
+
+def drawn(name: str, centre: float) -> np.ndarray:
+    """Something like what the descriptor keeps, near other shapes with the same centre."""
+    if name in ("srg", "rgpd"):
+        return np.abs(centre + 0.1 * RANDOM.random((RANDOM.integers(2, 6), 3)))
+    if DESCRIPTORS[name].comparison.explain is not None:
+        count = RANDOM.integers(2, 6)
+        return np.column_stack([centre + 0.1 * RANDOM.normal(size=(count, 4)), RANDOM.uniform(0.2, 1.0, count)])
+    return centre + 0.1 * RANDOM.normal(size=12)
+
+
+def shapes(ranking, count: int) -> dict[str, dict[str, np.ndarray]]:
+    """id -> part -> what is kept, in single precision."""
+    return {
+        f"{number:03d}": {part: np.float32(drawn(part, number % 4)) for part in ranking.parts}
+        for number in range(count)
+    }
+
+
+def filled(ranking, kept) -> Gallery:
+    return Gallery(ranking).changed(kept)
+
+
+SIMPLE = [ranking_named(name, measure) for name in ("extended", "hks", "srg") for measure in DESCRIPTORS[name].measures]
+FUSIONS = [ranking_named(FUSED, rerank=again) for again in (False, True)]
+
+
+@pytest.mark.parametrize("ranking", [*SIMPLE, *FUSIONS], ids=str)
+def test_a_shape_ranks_all_as_its_row_of_the_matrix(ranking):
+    kept = shapes(ranking, 14)
+    held = filled(ranking, kept)
+    matrix = ranking.matrix({part: [one[part] for one in kept.values()] for part in ranking.parts})
+    for row, (id, own) in enumerate(kept.items()):
+        found = held.rank(own, id)
+        np.testing.assert_allclose(found.dissimilarities, matrix[row], atol=1e-9 if ranking.rerank else 0, rtol=0)
+        np.testing.assert_allclose(sum(found.shares.values()), 1.0)
+
+
+@pytest.mark.parametrize("ranking", [SIMPLE[0], *FUSIONS], ids=str)
+def test_what_comes_and_goes_leaves_the_same_as_a_gallery_made_at_once(ranking):
+    kept = shapes(ranking, 20)
+    ids = list(kept)
+    held = filled(ranking, {id: kept[id] for id in ids[3:12]})
+    held.rank(kept["000"])
+    again = {id: kept[id] for id in ids[:7]}
+    held = held.changed(again, ["010", "not there"])
+    held = held.changed({id: kept[id] for id in ids[12:]})
+    held.rank(kept["001"], "001")
+    held = held.changed({}, ["004", "013"])
+    left = {id: one for id, one in kept.items() if id not in ("004", "010", "013")}
+    once = filled(ranking, left)
+    assert held.ids == once.ids == tuple(sorted(left))
+    for id in (None, "001", "019"):
+        for one, other in zip(held.rank(kept["001"], id), once.rank(kept["001"], id), strict=True):
+            np.testing.assert_equal(one, other)
+
+
+@pytest.mark.parametrize("ranking", FUSIONS, ids=str)
+def test_a_query_from_outside_ranks_as_if_it_stood_outside(ranking):
+    kept = shapes(ranking, 16)
+    outside = kept.pop("005")
+    found = filled(ranking, kept).rank(outside)
+    same = [number % 4 == 1 for number in range(16) if number != 5]
+    assert found.dissimilarities[same].max() < found.dissimilarities[~np.array(same)].min()
+    assert (found.dissimilarities >= 0).all()
+
+
+@pytest.mark.parametrize("ranking", FUSIONS, ids=str)
+def test_a_large_collection_is_ranked_through_references_and_candidates(ranking, monkeypatch):
+    kept = shapes(ranking, 40)
+    small = filled(ranking, kept).rank(kept["022"], "022")
+    monkeypatch.setattr(gallery, "REFERENCES", 12)
+    monkeypatch.setattr(gallery, "CANDIDATES", 15)
+    held = filled(ranking, kept)
+    order = np.argsort(held.rank(kept["022"], "022").dissimilarities, kind="stable")
+    # The class is ten shapes of 40; all of it comes first, as it does without a limit.
+    assert {int(place) % 4 for place in order[:10]} == {2}
+    assert {int(place) % 4 for place in np.argsort(small.dissimilarities)[:10]} == {2}
+    # What comes later adds rows to the references, and leaves the others as they are.
+    later = held.changed({"100": kept["022"]})
+    again = filled(ranking, {**kept, "100": kept["022"]})
+    np.testing.assert_array_equal(
+        later.rank(kept["022"], "022").dissimilarities, again.rank(kept["022"], "022").dissimilarities
+    )
+
+
+def test_the_memory_is_that_of_single_precision_and_of_distances_to_references(monkeypatch):
+    ranking = FUSIONS[1]
+    held = filled(ranking, shapes(ranking, 30))
+    single = sum(np.asarray(array).nbytes for kept in held._kept.values() for array in kept)
+    assert held.bytes == single
+    monkeypatch.setattr(gallery, "REFERENCES", 10)
+    held.rank({part: drawn(part, 0) for part in PARTS})
+    assert held.bytes == single + len(PARTS) * 30 * 10 * 8
+
+
+@pytest.mark.parametrize("ranking", [SIMPLE[0], *FUSIONS], ids=str)
+def test_of_no_shape_and_of_one(ranking):
+    kept = shapes(ranking, 1)
+    assert len(Gallery(ranking).rank(kept["000"]).dissimilarities) == 0
+    alone = filled(ranking, kept)
+    assert alone.rank(kept["000"], "000").dissimilarities == pytest.approx([0.0], abs=1e-12)
+    assert len(alone.rank({part: drawn(part, 1) for part in ranking.parts}).dissimilarities) == 1
+    assert len(alone.changed({}, ["000"])) == 0
+
+
+def test_names():
+    assert set(RANKINGS) == {FUSED, *DESCRIPTORS}
+    assert ranking_named("srg").parts == {"srg": "matching"}
+    assert ranking_named("srg", "greedy").parts == {"srg": "greedy"}
+    assert set(ranking_named(FUSED).parts) == set(PARTS)
+    assert ranking_named(FUSED).rerank
+    assert not ranking_named(FUSED, rerank=False).rerank
+    assert set(MEASURES) == set(DESCRIPTORS["srg"].measures)
+    with pytest.raises(UnknownName, match="fused"):
+        ranking_named("best")
+    with pytest.raises(UnknownName, match="greedy"):
+        ranking_named("srg", "l1")
+    with pytest.raises(ParameterError, match="measure"):
+        ranking_named(FUSED, "l1")
+    with pytest.raises(ParameterError, match="rerank"):
+        ranking_named("hks", rerank=True)
+
+
+def test_refuses_what_the_descriptors_did_not_make():
+    with pytest.raises(ParameterError, match="hks"):
+        Gallery(ranking_named("hks")).changed({"a": {"hks": np.array([np.nan])}})
