@@ -5,7 +5,7 @@ prune.py: removal of branches that are not salient.
 """
 
 from reebase.skeleton.graph import Skeleton
-from reebase.skeleton.prune import SALIENCIES, prune
-from reebase.skeleton.reeb import MAX_BANDS, reeb_graph
+from reebase.skeleton.prune import SALIENCIES, prune, prune_to
+from reebase.skeleton.reeb import MAX_BANDS, reeb_graph, reeb_nodes
 
-__all__ = ["MAX_BANDS", "SALIENCIES", "Skeleton", "prune", "reeb_graph"]
+__all__ = ["MAX_BANDS", "SALIENCIES", "Skeleton", "prune", "prune_to", "reeb_graph", "reeb_nodes"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from reebase.errors import ParameterError, unknown_name
 from reebase.skeleton.graph import Skeleton
 
-__all__ = ["SALIENCIES", "prune"]
+__all__ = ["SALIENCIES", "prune", "prune_to"]
 
 SALIENCIES = ("area", "length")
 
@@ -78,6 +78,37 @@ def prune(skeleton: Skeleton, threshold: float = 0.01, saliency: str = "area") -
             for other in ending_at.pop(junction):
                 grow(other)
     return _without(skeleton, removed, np.array(areas))
+
+
+def prune_to(skeleton: Skeleton, ends: npt.ArrayLike) -> Skeleton:
+    """The skeleton without the branches that end elsewhere than in ``ends``, nodes, whose order its endpoints take.
+
+    What is removed gives its area to the node where it began; every cycle stays. A single end keeps the path to the
+    node of the lowest band, the largest of them. Raises ParameterError for what is no node, or given twice.
+    """
+    chosen = np.asarray(ends, dtype=np.int64).reshape(-1)
+    count = len(skeleton.positions)
+    if len(np.unique(chosen)) < len(chosen) or not ((chosen >= 0) & (chosen < count)).all() or not len(chosen):
+        raise ParameterError(f"Ends are different nodes, 0 to {count - 1}; found {chosen.tolist()}.", parameter="ends")
+    kept = np.isin(np.arange(count), chosen)
+    if len(chosen) == 1:
+        kept[np.lexsort((-skeleton.areas, skeleton.bands))[0]] = True
+    neighbours: list[set[int]] = [set() for _ in range(count)]
+    for a, b in skeleton.edges.tolist():
+        neighbours[a].add(b)
+        neighbours[b].add(a)
+    areas = skeleton.areas.copy()
+    removed = np.zeros(count, dtype=bool)
+    ready = [node for node in range(count) if len(neighbours[node]) == 1 and not kept[node]]
+    for node in ready:  # grows while it is walked
+        before = neighbours[node].pop()
+        removed[node] = True
+        areas[before] += areas[node]
+        neighbours[before].remove(node)
+        if len(neighbours[before]) == 1 and not kept[before]:
+            ready.append(before)
+    rank = np.cumsum(~removed, dtype=np.int32) - 1
+    return replace(_without(skeleton, removed, areas), endpoints=rank[chosen].astype(np.int32))
 
 
 @dataclass(eq=False)

@@ -11,6 +11,8 @@ half of its area to each. The rules are the same for f and -f.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,7 +20,7 @@ from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, Param
 from reebase.mesh.mesh import Mesh
 from reebase.skeleton.graph import Skeleton
 
-__all__ = ["MAX_BANDS", "reeb_graph"]
+__all__ = ["MAX_BANDS", "reeb_graph", "reeb_nodes"]
 
 MAX_BANDS = 1024
 
@@ -49,6 +51,31 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
     Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError, and
     LimitError when the bands cut the faces into more than ``MAX_PIECES``.
     """
+    return _cut(mesh, values, bands)[0]
+
+
+def reeb_nodes(mesh: Mesh, values: Array, bands: int = 64) -> tuple[Skeleton, npt.NDArray[np.int32]]:
+    """The Reeb graph, and of each vertex the node that it lies in, or just above: (m,), -1 where no face meets it.
+
+    A maximum that persists by more than the width of a band has a node of its own. Raises as ``reeb_graph``.
+    """
+    graph, pieces = _cut(mesh, values, bands)
+    return graph, _below(mesh.faces, pieces)
+
+
+class _Pieces(NamedTuple):
+    """Of each face the pieces in the bands that it meets, from ``first`` on, (n,): offset[f] ... offset[f + 1].
+
+    u: the field in units of the band width, (m,). node: of each piece.
+    """
+
+    u: Array
+    first: npt.NDArray[np.int32]
+    offset: npt.NDArray[np.int64]
+    node: npt.NDArray[np.int32]
+
+
+def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
     if bands % 1 or not 2 <= bands <= MAX_BANDS:
         raise ParameterError(
             f"The number of bands must be a whole number from 2 to {MAX_BANDS}; found {bands!r}.",
@@ -101,7 +128,20 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
     edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
     centre = areas @ centroids / areas.sum()
     root = int(np.argmin(np.linalg.norm(centroids[order] - centre, axis=1)))
-    return Skeleton.assembled(centroids[order], areas[order], ring_areas[order], band[order], edges, root)
+    graph = Skeleton.assembled(centroids[order], areas[order], ring_areas[order], band[order], edges, root)
+    return graph, _Pieces(u, first, offset, rank[component])
+
+
+def _below(faces: npt.NDArray[np.int32], pieces: _Pieces) -> npt.NDArray[np.int32]:
+    """The node of the piece just below each vertex: of one of its faces there, or else of the lowest of the faces."""
+    wanted = np.maximum(np.ceil(pieces.u[faces]) - 1, 0).astype(np.int64)
+    lowest = pieces.first[:, None].astype(np.int64)
+    met = np.minimum(wanted, lowest + np.diff(pieces.offset)[:, None] - 1)
+    found = np.full(len(pieces.u), -1, np.int32)
+    for corners in (met < lowest, met >= lowest):  # what is said last holds
+        piece = pieces.offset[:-1, None] + np.maximum(met - lowest, 0)
+        found[faces[corners]] = pieces.node[piece[corners]]
+    return found
 
 
 MAX_PIECES = 40_000_000

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reebase.errors import ParameterError, UnknownName
-from reebase.skeleton import SALIENCIES, Skeleton, prune, reeb_graph
+from reebase.skeleton import SALIENCIES, Skeleton, prune, prune_to, reeb_graph
 from tests.oracles import reeb as oracle
 from tests.shapes import icosphere, torus
 
@@ -130,3 +130,37 @@ def test_refuses_a_threshold_that_is_no_share(threshold):
 def test_refuses_an_unknown_saliency():
     with pytest.raises(UnknownName, match="area, length"):
         prune(graph_of(STAR), 0.1, "beauty")
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_pruned_to_its_ends_it_has_no_other(seed):
+    graph = random_graph(seed)
+    random = np.random.default_rng(seed)
+    ends = random.permutation(graph.endpoints)[: max(2, len(graph.endpoints) // 2)]
+    if len(ends) < 2:
+        return
+    found = prune_to(graph, ends)
+    np.testing.assert_array_equal(found.positions[found.endpoints], graph.positions[ends])
+    leaves = np.flatnonzero(found.degrees == 1)
+    assert set(leaves) == set(found.endpoints)
+    assert found.cycles == graph.cycles
+    assert found.areas.sum() == pytest.approx(graph.areas.sum())
+    # Leaf by leaf, whichever comes first, leaves the same.
+    edges = {tuple(edge) for edge in graph.edges.tolist()}
+    while stray := [n for n in {n for e in edges for n in e} - set(ends.tolist()) if sum(n in e for e in edges) == 1]:
+        edges = {edge for edge in edges if stray[0] not in edge}
+    assert found.lengths.sum() == pytest.approx(sum(np.linalg.norm(np.subtract(*graph.positions[[*e]])) for e in edges))
+
+
+def test_a_single_end_keeps_the_path_to_the_lowest_band():
+    graph = graph_of([[0, 1], [1, 2], [2, 3], [2, 4], [4, 5]])
+    found = prune_to(graph, [5])
+    np.testing.assert_array_equal(found.positions, graph.positions[[0, 1, 2, 4, 5]])
+    np.testing.assert_array_equal(found.endpoints, [4])
+    assert found.areas[2] == graph.areas[2] + graph.areas[3]
+
+
+@pytest.mark.parametrize("ends", [[], [0, 0], [6], [-1]])
+def test_what_is_no_end_is_refused(ends):
+    with pytest.raises(ParameterError, match="0 to 5"):
+        prune_to(graph_of([[0, 1], [1, 2], [2, 3], [2, 4], [4, 5]]), ends)

@@ -9,7 +9,7 @@ import pytest
 
 from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError
 from reebase.mesh.mesh import Mesh
-from reebase.skeleton import MAX_BANDS, Skeleton, reeb_graph
+from reebase.skeleton import MAX_BANDS, Skeleton, reeb_graph, reeb_nodes
 from tests.oracles import reeb as oracle
 from tests.shapes import (
     capsule,
@@ -330,3 +330,30 @@ def test_more_pieces_than_memory_should_hold_are_refused(monkeypatch):
     assert len(reeb_graph(mesh, np.zeros(len(heights)), 16).positions) == 1  # one piece a face
     with pytest.raises(LimitError, match="fewer bands"):
         reeb_graph(mesh, heights, 64)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_vertex_lies_in_its_node_or_just_above(seed):
+    mesh = [torus(1, 0.4, 16, 9), icosphere(2)][seed % 2]
+    values = np.random.default_rng(seed).integers(0, 9, len(mesh.vertices)) / (1 if seed < 3 else 7.3)
+    graph, nodes = reeb_nodes(mesh, values, 8)
+    same_graph(graph, reeb_graph(mesh, values, 8))
+    u = (values - values.min()) / np.ptp(values) * 8
+    band = graph.bands[nodes]
+    lowest = np.array([u[mesh.faces[(mesh.faces == v).any(axis=1)]].min() for v in range(len(u))])
+    inside = (band <= u + 1e-9) & (u <= band + 1 + 1e-9)
+    assert inside.all()
+    below = lowest < u - 1e-9  # something lies below the vertex: the piece just below it is there
+    np.testing.assert_array_equal(band[below], np.ceil(u - 1e-9)[below] - 1)
+
+
+def test_maxima_further_apart_than_a_band_have_nodes_of_their_own():
+    mesh = grid(60, 6)
+    x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
+    values = np.cos(6 * np.pi * x) - 0.3 * x - y
+    graph, nodes = reeb_nodes(mesh, values, 16)
+    tops = [int(np.argmin(np.hypot(x - at, y))) for at in (0.0, 1 / 3, 2 / 3, 1.0)]
+    found = nodes[tops]
+    assert len(set(found.tolist())) == 4
+    assert (graph.degrees[found] == 1).all()
+    np.testing.assert_allclose(graph.positions[found, 0], [0, 1 / 3, 2 / 3, 1], atol=0.06)
