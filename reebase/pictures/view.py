@@ -10,7 +10,7 @@ import numpy.typing as npt
 from reebase.errors import NoFaces, ParameterError, unknown_name
 from reebase.mesh.mesh import Mesh
 
-__all__ = ["MARGIN", "View", "face_shades", "placed", "view_of"]
+__all__ = ["MARGIN", "View", "crossed", "face_shades", "placed", "view_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class View:
         corners = mesh.vertices[mesh.faces]
         corners = corners - corners[:1, :1]
         corners /= float(np.abs(corners).max(initial=0.0)) or 1.0  # squares of any unit are numbers
-        weights = np.linalg.norm(_crossed(corners), axis=1)
+        weights = np.linalg.norm(crossed(corners), axis=1)
         if not weights.sum() > 0:
             return cls(np.eye(3))
         weights /= weights.sum()
@@ -111,7 +111,7 @@ def face_shades(seen: Array, faces: npt.NDArray[np.int32]) -> tuple[Array, npt.N
     smoothed over vertices, so that coarse meshes do not look faceted. Of a closed surface only the front faces
     are seen, of any other both sides.
     """
-    normals = _crossed(seen[faces])
+    normals = crossed(seen[faces])
     sums = [np.bincount(faces.ravel(), np.repeat(axis, 3), len(seen)) for axis in normals.T]
     smooth = _unit(_unit(np.stack(sums, axis=1))[faces].mean(axis=1))
     if _is_solid(seen, faces):
@@ -140,6 +140,7 @@ def _unit(rows: Array) -> Array:
     return unit
 
 
-def _crossed(corners: Array) -> Array:
-    crossed: Array = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return crossed
+def crossed(corners: Array) -> Array:
+    # Written out: numpy's own product takes five times as long.
+    (ax, ay, az), (bx, by, bz) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
