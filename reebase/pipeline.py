@@ -33,8 +33,9 @@ from reebase.spectrum import field as scalar_field
 
 __all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton"]
 
-PIPELINE_VERSION = 2
-"""Raised whenever the same mesh and profile would give other numbers; nothing is compared across versions."""
+PIPELINE_VERSION = 3
+"""Raised whenever the same mesh and profile would give other numbers, or more is kept of a shape; nothing is compared
+across versions."""
 
 STAGES = ("read", "clean", "denoise", "operator", "eigenpairs", "skeleton", "features")
 """The stages in order; progress names them."""

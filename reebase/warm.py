@@ -54,6 +54,7 @@ def warm(progress: Callable[[str, float], None] | None = None) -> None:
     from reebase.descriptors import DESCRIPTORS, Surface
     from reebase.evaluation.matrix import dissimilarity_matrix
     from reebase.matching import MEASURES
+    from reebase.pictures.thumbnail import thumbnail
     from reebase.pipeline import describe
     from reebase.search import Index
 
@@ -62,6 +63,7 @@ def warm(progress: Callable[[str, float], None] | None = None) -> None:
         if progress is not None:
             progress(f"filter {method}", number / len(METHODS))
         denoise(sample(), method)
+    thumbnail(sample())
     index = Index()
     index.add("sample", features)
     for number, measure in enumerate(MEASURES):

@@ -24,7 +24,19 @@ from service.context import Context
 from service.edge import Edge, Heads, Linger
 from service.guards import Guards
 from service.metrics import Metrics
-from service.routes import about, collections, denoise, evaluations, operations, pages, queries, results, shapes, tasks
+from service.routes import (
+    about,
+    collections,
+    denoise,
+    drawn,
+    evaluations,
+    operations,
+    pages,
+    queries,
+    results,
+    shapes,
+    tasks,
+)
 from service.settings import ServiceSettings
 
 __all__ = ["create_app"]
@@ -36,8 +48,8 @@ DESCRIPTION = (
 )
 
 _ROUTERS: tuple[APIRouter, ...] = (
-    collections.router, shapes.router, results.router, queries.router, denoise.router, tasks.router, evaluations.router,
-    about.router, operations.router, pages.router,
+    collections.router, shapes.router, results.router, drawn.router, queries.router, denoise.router, tasks.router,
+    evaluations.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

@@ -55,8 +55,15 @@ def shape_value(conn: Connection, collection: Collection, shape: Shape) -> Shape
         id=shape.id, collection=collection.name, name=shape.name, label=shape.label, tags=list(shape.tags),
         metadata=shape.metadata, state=shape.state, sha256=shape.sha256, bytes=shape.bytes,
         format=shape.format, filename=shape.filename, endpoint_count=shape.endpoint_count, flags=list(shape.flags),
+        thumbnail=_thumbnail(collection, shape),
         task=shape.task_id, error=error, created_at=shape.created_at, updated_at=shape.updated_at,
     )  # fmt: skip
+
+
+def _thumbnail(collection: Collection, shape: Shape) -> str | None:
+    if shape.thumbnail_sha256 is None:
+        return None
+    return f"/v1/collections/{collection.name}/shapes/{shape.id}/thumbnail?of={shape.thumbnail_sha256}"
 
 
 def task_values(conn: Connection, found: Iterable[Task]) -> list[TaskValue]:

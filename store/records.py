@@ -63,7 +63,7 @@ class Shape:
     """A mesh in a collection.
 
     sha256, bytes: of the upload. task_id: the task that ``state`` follows. deleted_at: None while it is there.
-    endpoint_count, flags: of its latest description, None and () before there is one.
+    endpoint_count, flags, thumbnail_sha256: of its latest description; None, () and None before there is one.
     """
 
     id: str
@@ -84,6 +84,7 @@ class Shape:
     deleted_at: datetime | None
     endpoint_count: int | None
     flags: tuple[str, ...]
+    thumbnail_sha256: str | None
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,10 @@ class StoredFeatures:
 
 @dataclass(frozen=True, eq=False)
 class StoredSkeleton:
-    """The pruned skeleton, the first eigenvalues at unit area, and the blobs of the two meshes (PLY)."""
+    """The pruned skeleton, the first eigenvalues at unit area, and the blobs of the two meshes (PLY).
+
+    display_sha256, thumbnail_sha256: the blobs that a page draws, None in descriptions of before they were made.
+    """
 
     shape_id: str
     profile_key: str
@@ -160,6 +164,8 @@ class StoredSkeleton:
     eigenvalues: npt.NDArray[np.float64]
     cleaned_sha256: str
     denoised_sha256: str
+    display_sha256: str | None
+    thumbnail_sha256: str | None
 
 
 @dataclass(frozen=True)

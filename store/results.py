@@ -1,7 +1,7 @@
 """What the pipeline learnt of a shape, and of which version and parameters it is.
 
-``store_description(conn, task, description, *, cleaned_sha256, denoised_sha256) -> Task``: all of it, the
-shape's new state and the task's success in one fenced transaction; the two blobs are put before.
+``store_description(conn, task, description, *, cleaned_sha256, ...) -> Task``: all of it, the
+shape's new state and the task's success in one fenced transaction; the BLOBS are put before.
 ``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``health(conn, shape_id)``,
 ``descriptor(conn, shape_id, name)``: raise ResultNotFound.
 ``labelled_features(conn, collection_id, profile_key) -> LabelledFeatures``: what an evaluation needs.
@@ -31,9 +31,12 @@ from store.revision import bump
 from store.sql import insert
 
 __all__ = [
-    "LabelledFeatures", "descriptor", "features", "features_of_bytes", "health", "labelled_features",
-    "not_described", "skeleton", "store_description",
+    "BLOBS", "LabelledFeatures", "descriptor", "features", "features_of_bytes", "health", "labelled_features",
+    "not_described", "skeleton", "skeleton_value", "store_description",
 ]  # fmt: skip
+
+BLOBS = ("cleaned", "denoised", "display", "thumbnail")
+"""What is kept of a shape beside its upload: the meshes (PLY), a light one (GLB) and a picture (PNG) for pages."""
 
 _ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
 
@@ -58,6 +61,8 @@ def store_description(
     *,
     cleaned_sha256: str,
     denoised_sha256: str,
+    display_sha256: str | None = None,
+    thumbnail_sha256: str | None = None,
     descriptors: Mapping[str, npt.NDArray[np.floating[Any]]] | None = None,
 ) -> Task:
     """Writes what a claimed describe task found, in place of what was known, and ends the task.
@@ -79,6 +84,7 @@ def store_description(
         **version, "graph": _graph_bytes(description.skeleton),
         "eigenvalues": np.ascontiguousarray(description.eigenvalues, dtype="<f8").tobytes(),
         "cleaned_sha256": cleaned_sha256, "denoised_sha256": denoised_sha256,
+        "display_sha256": display_sha256, "thumbnail_sha256": thumbnail_sha256,
     })  # fmt: skip
     _replace(conn, tables.health, task.shape_id, {
         **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
@@ -107,7 +113,25 @@ def skeleton(conn: Connection, shape_id: str) -> StoredSkeleton:
     return StoredSkeleton(
         shape_id, row["profile_key"], row["pipeline_version"], _graph_of_bytes(row["graph"]),
         np.frombuffer(row["eigenvalues"], dtype="<f8"), row["cleaned_sha256"], row["denoised_sha256"],
+        row["display_sha256"], row["thumbnail_sha256"],
     )  # fmt: skip
+
+
+def skeleton_value(
+    graph: Skeleton, omega: npt.NDArray[np.float64], eigenvalues: npt.NDArray[np.float64]
+) -> dict[str, Any]:
+    """A skeleton as JSON. omega: of the endpoints in their order, (k, 3); none where the paths have no length."""
+    nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
+    edges = zip(graph.edges.tolist(), graph.lengths.tolist(), strict=True)
+    rows = omega.tolist() if len(omega) == len(graph.endpoints) else [None] * len(graph.endpoints)
+    return {
+        "nodes": [{"position": p, "area": a, "band": b} for p, a, b in nodes],
+        "edges": [{"nodes": pair, "length": length} for pair, length in edges],
+        "endpoints": [
+            {"node": node, "omega": row} for node, row in zip(graph.endpoints.tolist(), rows, strict=True)
+        ],
+        "root": int(graph.root), "cycles": int(graph.cycles), "eigenvalues": eigenvalues.tolist(),
+    }  # fmt: skip
 
 
 def health(conn: Connection, shape_id: str) -> StoredHealth:

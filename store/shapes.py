@@ -28,7 +28,7 @@ from store.errors import ShapeExists, ShapeNotFound
 from store.records import Filters, Page, Shape
 from store.revision import bump
 from store.sql import canonical_json, cursor_after, id_of_cursor, insert, new_id, now
-from store.tables import collection, endpoint_features, health, present, shape_metadata, shape_tag, tombstone
+from store.tables import collection, endpoint_features, health, present, shape_metadata, shape_tag, skeleton, tombstone
 from store.tables import shape as table
 
 __all__ = [
@@ -222,7 +222,8 @@ def _read(conn: Connection, query: Select[Any]) -> list[Shape]:
     described = (
         query.outerjoin(endpoint_features, endpoint_features.c.shape_id == table.c.id)
         .outerjoin(health, health.c.shape_id == table.c.id)
-        .add_columns(endpoint_features.c.endpoint_count, health.c.report)
+        .outerjoin(skeleton, skeleton.c.shape_id == table.c.id)
+        .add_columns(endpoint_features.c.endpoint_count, health.c.report, skeleton.c.thumbnail_sha256)
     )
     rows = conn.execute(described).mappings().all()
     tags: dict[str, list[str]] = {row["id"]: [] for row in rows}
@@ -235,6 +236,7 @@ def _read(conn: Connection, query: Select[Any]) -> list[Shape]:
             tags=tuple(tags[row["id"]]),
             endpoint_count=row["endpoint_count"],
             flags=tuple((row["report"] or {}).get("flags", ())),
+            thumbnail_sha256=row["thumbnail_sha256"],
         )
         for row in rows
     ]

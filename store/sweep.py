@@ -48,6 +48,9 @@ _NAMES: tuple[tuple[Any, ColumnElement[bool]], ...] = (
 )
 """Every column that names a blob, and when."""
 
+_KEPT = ("describe", "evaluate")
+"""Kinds of tasks whose record stays; the others are answers to one question."""
+
 
 @dataclass(frozen=True)
 class Swept:
@@ -112,7 +115,7 @@ def remove_unnamed(database: Database, blobs: Blobs, sha256: str, grace_seconds:
 
 
 def _purge_queries(conn: Connection, keep_seconds: float) -> int:
-    old = and_(task.c.kind.in_(("query", "denoise")), task.c.finished_at < now(-keep_seconds))
+    old = and_(task.c.kind.not_in(_KEPT), task.c.finished_at < now(-keep_seconds))
     return conn.execute(delete(task).where(old)).rowcount
 
 

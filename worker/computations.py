@@ -33,23 +33,31 @@ def describe(
 
     arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description`` (a saved
     Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY,
-    the latter with the field as ``phi2``).
+    the latter with the field as ``phi2``), and what a page draws: ``display`` (GLB) and ``thumbnail`` (PNG).
     """
     from reebase import pipeline
     from reebase.mesh.read import Limits
     from reebase.mesh.write import to_bytes
+    from reebase.pictures.display import clustered, display_glb
+    from reebase.pictures.thumbnail import thumbnail
 
     description = pipeline.describe(
         source.read(), pipeline.Profile(**arguments["profile"]),
         format=arguments["format"], limits=Limits(**arguments["limits"]), progress=progress,
     )  # fmt: skip
-    if outputs.keys() & {"cleaned", "denoised"}:
+    if outputs.keys() & {"cleaned", "denoised", "display", "thumbnail"}:
         progress("write", 0.95)
     if "cleaned" in outputs:
         outputs["cleaned"].write(to_bytes(description.cleaned, "ply"))
     if "denoised" in outputs:
         scalars = {"phi2": description.field}
         outputs["denoised"].write(to_bytes(description.denoised, "ply", scalars=scalars))
+    if outputs.keys() & {"display", "thumbnail"}:
+        light = clustered(description.denoised)
+        if "display" in outputs:
+            outputs["display"].write(display_glb(description.cleaned, description.denoised, description.field, light))
+        if "thumbnail" in outputs:
+            outputs["thumbnail"].write(thumbnail(light.of(description.denoised)))
     # The meshes have just been written, where they are wanted at all.
     none = Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
     numbers = dataclasses.replace(description, cleaned=none, denoised=none, field=np.empty(0))
@@ -122,7 +130,7 @@ def warm() -> None:
     synthesise({"label": CLASSES[0], "index": 0, "vertices": 1000}, io.BytesIO(), {"mesh": made}, _silent)
     # A mesh in each format loads its reader; the last has an edge of four faces, for the operator of such.
     for mesh, format in [*((kernels.sample(), format) for format in _FORMATS), (_two_tetrahedra(), "ply")]:
-        outputs = {name: io.BytesIO() for name in ("description", "cleaned", "denoised")}
+        outputs = {name: io.BytesIO() for name in ("description", "cleaned", "denoised", "display", "thumbnail")}
         try:
             source = io.BytesIO(to_bytes(mesh, format))
             describe({"format": format, "limits": {}, "profile": profile}, source, outputs, _silent)

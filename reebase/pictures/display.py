@@ -1,11 +1,13 @@
 """A mesh light enough to be drawn by a browser, before and after denoising, with scalars on its vertices.
 
-``display_glb(description) -> bytes``: one GLB of at most ``MOST_FACES`` faces;
-``fields(description) -> list[Field]``: the scalars that a description has on the vertices of its meshes.
+``display_glb(cleaned, denoised, phi2) -> bytes``: one GLB of at most ``MOST_FACES`` faces
+``fields_of(cleaned, denoised, phi2) -> dict``: the scalars on the vertices of the two meshes, which FIELDS explains
+``clustered(mesh, most_faces) -> Light``: a lighter mesh on some of the vertices
 
-In the GLB, POSITION is the denoised surface around the translation of its node, the morph target ``cleaned`` is
-what leads back to the surface before denoising, and each scalar is an attribute such as ``_PHI2``; where a scalar is
-unknown it is 0 and ``_PHI2_MISSING`` is 1. ``asset.extras`` says what the fields mean and how much was left out.
+In the GLB, POSITION is the denoised surface as the translation and scale of its node place it, the morph target
+``cleaned`` is what leads back to the surface before denoising, and each scalar is an attribute such as ``_PHI2``;
+where a scalar is unknown it is 0 and ``_PHI2_MISSING`` is 1. ``asset.extras`` says what the fields mean and how much
+was left out.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ import numpy.typing as npt
 from reebase.mesh.mesh import Mesh
 from reebase.pictures.view import crossed
 
-__all__ = ["FIELDS", "MOST_FACES", "Field", "clustered", "display_glb", "fields_of"]
+__all__ = ["FIELDS", "MOST_FACES", "Field", "Light", "clustered", "display_glb", "fields_of"]
 
 MOST_FACES = 100_000
 """A phone turns so many smoothly."""
 
 Array = npt.NDArray[np.float64]
+
+_MOST = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,21 @@ class Field:
     description: str
     kind: str
     unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Light:
+    """A lighter mesh. kept: the vertices that stay, (m,). faces: between these, (n, 3). error: how far a vertex was
+    moved at most.
+    """
+
+    kept: npt.NDArray[np.int64]
+    faces: npt.NDArray[np.int64]
+    error: float
+
+    def of(self, mesh: Mesh) -> Mesh:
+        """The lighter mesh itself, of the mesh that it was made of or of one with the same vertices."""
+        return Mesh(mesh.vertices[self.kept], self.faces.astype(np.int32))
 
 
 FIELDS = (
@@ -61,20 +80,28 @@ def fields_of(cleaned: Mesh, denoised: Mesh, phi2: Array) -> dict[str, Array]:
 
     cleaned, denoised: the same vertices before and after. phi2: the profile's field, (n,).
     """
-    moved = denoised.vertices - cleaned.vertices
+    unit = float(np.abs(cleaned.vertices).max()) or 1.0  # squares of any unit are numbers
+    moved = (denoised.vertices - cleaned.vertices) / unit
     return {
         "phi2": phi2,
-        "displacement": np.sqrt((moved**2).sum(axis=1)),
-        "displacement_signed": (moved * _normals(cleaned)).sum(axis=1),
+        "displacement": np.sqrt((moved**2).sum(axis=1)) * unit,
+        "displacement_signed": (moved * _normals(cleaned.vertices / unit, cleaned.faces)).sum(axis=1) * unit,
     }
 
 
-def display_glb(cleaned: Mesh, denoised: Mesh, phi2: Array, most_faces: int = MOST_FACES) -> bytes:
-    """The GLB that the module's docstring describes, with every field of ``fields_of``."""
-    kept, faces, error = clustered(denoised, most_faces)
-    offset = (denoised.vertices.min(axis=0) + denoised.vertices.max(axis=0)) / 2
-    points = (denoised.vertices[kept] - offset).astype("<f4")
-    back = (cleaned.vertices[kept] - denoised.vertices[kept]).astype("<f4")
+def display_glb(cleaned: Mesh, denoised: Mesh, phi2: Array, light: Light | None = None) -> bytes:
+    """The GLB that the module's docstring describes, with every field of ``fields_of``.
+
+    light: ``clustered(denoised)``, if it is at hand.
+    """
+    light = light or clustered(denoised)
+    kept = light.kept
+    offset = denoised.vertices.min(axis=0) / 2 + denoised.vertices.max(axis=0) / 2
+    extent = float(np.abs(denoised.vertices - offset).max())
+    # Units in which float32 could not hold the surface, or only as zeros.
+    scale = 1.0 if 1e-30 < extent < 1e30 else extent
+    points = ((denoised.vertices[kept] - offset) / scale).astype("<f4")
+    back = ((cleaned.vertices[kept] - denoised.vertices[kept]) / scale).astype("<f4")
     scalars = fields_of(cleaned, denoised, phi2)
     told = []
     for field in FIELDS:
@@ -83,13 +110,14 @@ def display_glb(cleaned: Mesh, denoised: Mesh, phi2: Array, most_faces: int = MO
         told.append({**asdict(field), "attribute": _attribute(field.name), "min": low, "max": high})
     extras = {
         "fields": told, "vertices": len(denoised.vertices), "faces": len(denoised.faces),
-        "decimated": len(kept) < len(denoised.vertices), "error": error,
+        "decimated": len(kept) < len(denoised.vertices), "error": light.error,
     }  # fmt: skip
-    return _glb(points, back, faces, {name: values[kept] for name, values in scalars.items()}, offset, extras)
+    placing = {"translation": offset.tolist(), **({"scale": [scale] * 3} if scale != 1.0 else {})}
+    return _glb(points, back, light.faces, {name: values[kept] for name, values in scalars.items()}, placing, extras)
 
 
-def clustered(mesh: Mesh, most_faces: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], float]:
-    """Vertices to keep, (m,), faces between them, (n, 3), and how far a vertex was moved at most.
+def clustered(mesh: Mesh, most_faces: int = MOST_FACES) -> Light:
+    """A mesh of at most that many faces on some of the vertices of this one.
 
     The vertices of each cell of a grid become the one among them that is nearest to their mean (vertex
     clustering, Rossignac and Borrel 1993), so that whatever is known of vertices is known of those that stay.
@@ -97,22 +125,20 @@ def clustered(mesh: Mesh, most_faces: int) -> tuple[npt.NDArray[np.int64], npt.N
     """
     faces = mesh.faces.astype(np.int64)
     if len(faces) <= most_faces:
-        return np.arange(len(mesh.vertices)), faces, 0.0
+        return Light(np.arange(len(mesh.vertices)), faces, 0.0)
     corners = mesh.vertices[faces]
     area = float(np.sqrt((crossed(corners) ** 2).sum(axis=1)).sum()) / 2
     box = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
-    # A surface has about 1.5 of its vertices in a cell of its area, and twice as many faces as vertices.
+    # Faces are twice as many as vertices, and a surface meets somewhat more cells than its area has squares of them.
     cell = max(float(np.sqrt(2.0 * area / most_faces)), box * 1e-6)
     while True:
-        kept, merged, error = _cells(mesh.vertices, faces, cell)
-        if len(merged) <= most_faces:
-            return kept, merged, error
-        cell *= 1.02 * float(np.sqrt(len(merged) / most_faces))
+        light = _merged(mesh.vertices, faces, cell)
+        if len(light.faces) <= most_faces:
+            return light
+        cell *= 1.02 * float(np.sqrt(len(light.faces) / most_faces))
 
 
-def _cells(
-    vertices: Array, faces: npt.NDArray[np.int64], cell: float
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], float]:
+def _merged(vertices: Array, faces: npt.NDArray[np.int64], cell: float) -> Light:
     where = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
     span = where.max(axis=0) + 1
     _, group, counts = np.unique(
@@ -129,13 +155,13 @@ def _cells(
     key = np.sort(merged, axis=1)
     _, first = np.unique((key[:, 0] * len(kept) + key[:, 1]) * len(kept) + key[:, 2], return_index=True)
     error = float(np.sqrt(((vertices - vertices[kept][group]) ** 2).sum(axis=1).max()))
-    return kept, merged[np.sort(first)], error
+    return Light(kept, merged[np.sort(first)], error)
 
 
-def _normals(mesh: Mesh) -> Array:
+def _normals(vertices: Array, faces: npt.NDArray[np.int32]) -> Array:
     """Unit normals of the vertices, weighted by area, (n, 3); 0 where there is none."""
-    sides = crossed(mesh.vertices[mesh.faces])
-    sums = [np.bincount(mesh.faces.ravel(), np.repeat(axis, 3), len(mesh.vertices)) for axis in sides.T]
+    sides = crossed(vertices[faces])
+    sums = [np.bincount(faces.ravel(), np.repeat(axis, 3), len(vertices)) for axis in sides.T]
     normals = np.stack(sums, axis=1)
     lengths = np.sqrt((normals**2).sum(axis=1, keepdims=True))
     unit: Array = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
@@ -148,13 +174,13 @@ def _attribute(name: str) -> str:
 
 def _glb(
     points: npt.NDArray[np.float32], back: npt.NDArray[np.float32], faces: npt.NDArray[np.int64],
-    scalars: Mapping[str, Array], offset: Array, extras: dict[str, Any],
+    scalars: Mapping[str, Array], placing: dict[str, Any], extras: dict[str, Any],
 ) -> bytes:  # fmt: skip
     """One mesh of one primitive; every accessor has a view of its own and all items are of four bytes."""
     attributes = {"POSITION": points}
     for name, values in scalars.items():
         missing = ~np.isfinite(values)
-        attributes[_attribute(name)] = np.where(missing, 0.0, values).astype("<f4")
+        attributes[_attribute(name)] = np.clip(np.where(missing, 0.0, values), -_MOST, _MOST).astype("<f4")
         if missing.any():
             attributes[_attribute(name) + "_MISSING"] = missing.astype("<f4")
     arrays = [*attributes.values(), back, faces.astype("<u4").ravel()]
@@ -176,7 +202,7 @@ def _glb(
         accessors[place] |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
     document = {
         "asset": {"version": "2.0", "generator": "Reebase", "extras": extras},
-        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "translation": offset.tolist()}],
+        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, **placing}],
         "meshes": [{
             "primitives": [{
                 "attributes": {name: place for place, name in enumerate(attributes)},

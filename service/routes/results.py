@@ -56,20 +56,10 @@ def get_skeleton(here: Here, principal: Reader, collection: CollectionPath, shap
     with here.database.read() as conn:
         found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
         stored = results.skeleton(conn, found.id)
-        omega = results.features(conn, found.id).features.tolist()
-    graph = stored.skeleton
-    nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
-    edges = zip(graph.edges.tolist(), graph.lengths.tolist(), strict=True)
-    # Where the paths have no length there are endpoints without features.
-    rows = omega if len(omega) == len(graph.endpoints) else [None] * len(graph.endpoints)
+        omega = results.features(conn, found.id).features
     return _json({
         "shape": found.id, "profile_key": stored.profile_key, "pipeline_version": stored.pipeline_version,
-        "nodes": [{"position": p, "area": a, "band": b} for p, a, b in nodes],
-        "edges": [{"nodes": pair, "length": length} for pair, length in edges],
-        "endpoints": [
-            {"node": node, "omega": row} for node, row in zip(graph.endpoints.tolist(), rows, strict=True)
-        ],
-        "root": int(graph.root), "cycles": int(graph.cycles), "eigenvalues": stored.eigenvalues.tolist(),
+        **results.skeleton_value(stored.skeleton, omega, stored.eigenvalues),
     })  # fmt: skip
 
 

@@ -62,6 +62,7 @@ class ShapeValue(Value):
     filename: str | None
     endpoint_count: int | None = Field(description="Null until it was described.")
     flags: list[str] = Field(description="What is unusual; the health report explains each.")
+    thumbnail: str | None = Field(description="Address of its picture, which may be kept for ever.")
     task: str | None = Field(description="Id of the task that the state follows.")
     error: ErrorValue | None = Field(description="Why it failed.")
     created_at: Moment
@@ -102,7 +103,7 @@ class Endpoint(Value):
 class SkeletonValue(Value):
     """The pruned spectral Reeb graph of the denoised mesh's largest component."""
 
-    shape: str
+    shape: str | None = Field(description="Null for the mesh of a query.")
     profile_key: str
     pipeline_version: int
     nodes: list[Node]

@@ -19,14 +19,16 @@ def run(tools: Tools, claim: Claim) -> None:
         collection = collections.by_id(conn, task.collection_id)
         shape = shapes.get(conn, task.collection_id, task.shape_id)
     with tools.described(
-        claim, shape.sha256, collection.profile, format=shape.format, outputs=("cleaned", "denoised")
+        claim, shape.sha256, collection.profile, format=shape.format, outputs=results.BLOBS
     ) as finished:
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
         with claim.kept():
-            cleaned = tools.blobs.put_if_absent(pieces(finished.files["cleaned"]))
-            denoised = tools.blobs.put_if_absent(pieces(finished.files["denoised"]))
+            blobs = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in results.BLOBS}
     faults.point("worker.blobs_stored")
     with tools.database.write() as conn:
-        results.store_description(conn, task, description, cleaned_sha256=cleaned, denoised_sha256=denoised)
+        results.store_description(
+            conn, task, description, cleaned_sha256=blobs["cleaned"], denoised_sha256=blobs["denoised"],
+            display_sha256=blobs["display"], thumbnail_sha256=blobs["thumbnail"],
+        )  # fmt: skip
     faults.point("worker.rows_committed")

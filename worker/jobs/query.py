@@ -1,17 +1,22 @@
 """Answer a query by an uploaded mesh: describe it under the collection's profile, then search.
 
-The upload is not kept: its blob belongs to the task alone, and once that ended the worker removes it.
+The upload is not kept: its blob belongs to the task alone, and once that ended the worker removes it. What a page
+draws beside the answer is kept as long as the task: a light mesh, a thumbnail and the skeleton.
 """
 
 from __future__ import annotations
 
-from reebase.pipeline import Description
-from store import collections, faults
+import json
+
+from reebase.pipeline import PIPELINE_VERSION, Description
+from store import collections, faults, outputs, results
 from store.answers import DescribedMesh, QuerySpec, answer_query
 from worker.claim import Claim, LostError
-from worker.tools import Tools
+from worker.tools import Tools, pieces
 
 __all__ = ["run"]
+
+_DRAWN = ("display", "thumbnail")
 
 
 def run(tools: Tools, claim: Claim) -> None:
@@ -22,11 +27,24 @@ def run(tools: Tools, claim: Claim) -> None:
     spec = QuerySpec.from_params(task.params)
     with tools.database.read() as conn:
         collection = collections.get(conn, spec.collection)
-    with tools.described(claim, task.blob, collection.profile, format=task.params.get("format")) as finished:
+    with tools.described(
+        claim, task.blob, collection.profile, format=task.params.get("format"), outputs=_DRAWN
+    ) as finished:
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
+        with claim.kept():
+            drawn = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in _DRAWN}
+            drawn["skeleton"] = tools.blobs.put_if_absent(_skeleton(description))
     claim.progress("search", 0.95)
     answer = answer_query(tools.database, tools.follower, spec, DescribedMesh.of(description))
     with tools.database.write() as conn:
-        tools.queue.succeed(conn, task, answer)
+        outputs.complete(conn, task, answer, drawn)
     faults.point("worker.rows_committed")
+
+
+def _skeleton(description: Description) -> bytes:
+    value = {
+        "shape": None, "profile_key": description.profile.key, "pipeline_version": PIPELINE_VERSION,
+        **results.skeleton_value(description.skeleton, description.features, description.eigenvalues),
+    }  # fmt: skip
+    return json.dumps(value, allow_nan=False).encode()
