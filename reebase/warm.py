@@ -45,6 +45,10 @@ def sample() -> Mesh:
     return Mesh(vertices, np.vstack([north, upper, lower, south]))
 
 
+FACET = b"solid s facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet endsolid s"
+"""An STL file in text."""
+
+
 def warm(progress: Callable[[str, float], None] | None = None) -> None:
     """Walk every path that compiles: the pipeline, filters, measures, the index, descriptors.
 
@@ -54,10 +58,16 @@ def warm(progress: Callable[[str, float], None] | None = None) -> None:
     from reebase.descriptors import DESCRIPTORS, Surface
     from reebase.evaluation.matrix import dissimilarity_matrix
     from reebase.matching import MEASURES
+    from reebase.mesh.read import read
+    from reebase.mesh.write import to_bytes
     from reebase.pictures.thumbnail import thumbnail
     from reebase.pipeline import describe
     from reebase.search import Index
 
+    if progress is not None:
+        progress("readers", 0.0)
+    for data in (to_bytes(sample(), "obj"), to_bytes(sample(), "off"), FACET):
+        read(data)
     features = describe(sample(), progress=progress).features
     for number, method in enumerate(METHODS):
         if progress is not None:

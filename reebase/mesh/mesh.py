@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -47,14 +48,12 @@ class Mesh:
             given = given.reshape(0, 3)
         if given.ndim != 2 or given.shape[1] != 3:
             raise MeshError(f"Faces must have shape (n, 3); found {given.shape}.")
-        if given.size:
-            outside = ((given < 0) | (given >= len(vertices))).any(axis=1)
-            if outside.any():
-                bad = int(np.flatnonzero(outside)[0])
-                raise FaceIndexOutOfRange(
-                    f"Face {bad} refers to vertices {given[bad].tolist()}, but there are {len(vertices)}.",
-                    face=bad, vertices=len(vertices),
-                )  # fmt: skip
+        if given.size and (given.min() < 0 or given.max() >= len(vertices)):
+            bad = int(np.flatnonzero(((given < 0) | (given >= len(vertices))).any(axis=1))[0])
+            raise FaceIndexOutOfRange(
+                f"Face {bad} refers to vertices {given[bad].tolist()}, but there are {len(vertices)}.",
+                face=bad, vertices=len(vertices),
+            )  # fmt: skip
         faces = np.ascontiguousarray(given, dtype=np.int32)
         refuse_non_finite(vertices, faces)
         for name, array in (("vertices", vertices), ("faces", faces)):
@@ -66,14 +65,16 @@ class Mesh:
         return f"Mesh({len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
-def refuse_non_finite(vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.int32]) -> None:
-    """Raise NonFiniteVertices when a face refers to a vertex with a NaN or infinite coordinate."""
-    finite = np.asarray(np.isfinite(vertices).all(axis=1))
-    if finite.all() or finite[faces].all():
+def refuse_non_finite(vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.integer[Any]]) -> None:
+    """Raise NonFiniteVertices when faces, of any shape, refer to a vertex with a NaN or infinite coordinate."""
+    finite = np.isfinite(vertices)
+    if finite.all():
         return
-    bad = np.unique(faces[~finite[faces]])
-    raise NonFiniteVertices(
-        f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
-        f"the first is vertex {int(bad[0])}.",
-        count=len(bad), first=int(bad[0]),
-    )  # fmt: skip
+    whole = np.asarray(finite.all(axis=1))
+    bad = np.unique(faces[~whole[faces]])
+    if len(bad):
+        raise NonFiniteVertices(
+            f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
+            f"the first is vertex {int(bad[0])}.",
+            count=len(bad), first=int(bad[0]),
+        )  # fmt: skip

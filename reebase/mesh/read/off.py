@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from itertools import chain
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +12,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
 from reebase.mesh.read.records import BinaryCells, Element, Property, TextCells, read_element
-from reebase.mesh.read.text import (
-    floats,
-    integers,
-    numbers,
-    plain_text,
-    quoted,
-    rectangle,
-    without_comments,
-)
+from reebase.mesh.read.text import numbers, plain_text, quoted, repaired, tokens, without_comments
 from reebase.words import counted
 
 __all__ = ["HEADER", "read_off"]
@@ -29,9 +20,6 @@ __all__ = ["HEADER", "read_off"]
 HEADER = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?(?i:OFF)(?![A-Za-z_])")
 _COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)(?:[ \t]+(\S+))?[ \t]*(?=[\r\n]|\Z)")
 _FREE_COUNTS = re.compile(rb"\s*(\S+)\s+(\S+)\s+(\S+)")
-
-BLOCK = 1 << 16
-"""Lines that are split into tokens at a time."""
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -96,51 +84,37 @@ def _announced(counts: re.Match[bytes], body: bytes, limits: Limits) -> tuple[in
 
 def _by_line(body: bytes, vertex_count: int, face_count: int) -> tuple[Floats, Ints, Ints] | None:
     """One record a line, colours behind it; None when the lines do not fit that."""
-    lines = [line for line in body.splitlines() if line and not line.isspace()]
-    if len(lines) < vertex_count + face_count:
+    values, starts, odd = tokens(body)
+    if len(starts) < vertex_count + face_count:
+        return None
+    ends = np.append(starts[1:], len(values))[: vertex_count + face_count]
+    starts = starts[: vertex_count + face_count]
+    width = int(ends[0] - starts[0]) if vertex_count else 3
+    if width < 3 or (ends - starts != width)[:vertex_count].any():
         return None
     try:
-        positions = _vertex_lines(lines[:vertex_count])
-        faces = _face_lines(lines[vertex_count : vertex_count + face_count])
-    except (ValueError, FormatError):
+        repaired(values, odd[odd[:, 0] < vertex_count * width], body, "OFF", body, 0)
+    except FormatError:
         return None
-    return None if positions is None or faces is None else (positions, *faces)
+    positions = values[: vertex_count * width].reshape(-1, width)
+    faces = _face_lines(values, starts[vertex_count:], ends[vertex_count:])
+    return None if faces is None else (positions, *faces)
 
 
-def _vertex_lines(lines: list[bytes]) -> Floats | None:
-    """Vertices, all numbers of a line, shape (m, width); None when the lines differ. Raises FormatError."""
-    parts = []
-    for start in range(0, len(lines), BLOCK):
-        even = rectangle(lines[start : start + BLOCK])
-        if even is None or even[1] < 3:
-            return None
-        parts.append(floats(even[0]).reshape(-1, even[1]))
-    if len({part.shape[1] for part in parts}) > 1:
+def _face_lines(values: Floats, starts: Ints, ends: Ints) -> tuple[Ints, Ints] | None:
+    """(corners, sizes) of the lines, colours left out; None when one is too short or says no whole number."""
+    counts = values[starts]
+    if not ((counts >= 0) & (counts < ends - starts)).all():  # an odd token is NaN
         return None
-    return np.concatenate(parts) if parts else np.zeros((0, 3))
-
-
-def _face_lines(lines: list[bytes]) -> tuple[Ints, Ints] | None:
-    """(corners, sizes), colours left out; None when a line is too short. Raises ValueError."""
-    corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for start in range(0, len(lines), BLOCK):
-        block = lines[start : start + BLOCK]
-        even = rectangle(block)
-        tokens, width = even or ([], 0)
-        size = int(tokens[0]) if tokens else -1
-        if 0 <= size < width and tokens[::width].count(tokens[0]) == len(block):
-            columns = [integers(tokens[corner::width]) for corner in range(1, size + 1)]
-            corners.append(np.stack(columns, axis=1).ravel() if columns else corners[0])
-            sizes.append(np.full(len(block), size))
-            continue
-        rows = [line.split() for line in block]
-        counts = integers(row[0] for row in rows)
-        if any(not 0 <= count < len(row) for count, row in zip(counts.tolist(), rows, strict=True)):
-            return None
-        ends = (counts + 1).tolist()
-        corners.append(integers(chain.from_iterable(row[1:end] for row, end in zip(rows, ends, strict=True))))
-        sizes.append(counts)
-    return np.concatenate(corners), np.concatenate(sizes)
+    sizes = counts.astype(np.int64)
+    if len(sizes) and (sizes == sizes[0]).all():
+        corners = values[starts[:, None] + np.arange(1, sizes[0] + 1)].ravel()
+    else:
+        within = np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        corners = values[np.repeat(starts + 1, sizes) + within]
+    if (counts != sizes).any() or not (np.abs(corners) < 2**53).all() or (corners != np.floor(corners)).any():
+        return None
+    return corners.astype(np.int64), sizes
 
 
 def _free(

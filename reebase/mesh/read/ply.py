@@ -109,10 +109,14 @@ def _cells(data: bytes, body: int, layout: str) -> Cells:
     if layout != "ascii":
         return BinaryCells(data, "<" if layout == "binary_little_endian" else ">")
     text = data[body:]
-    if b"comment" in text or b"obj_info" in text:
-        # Blanked, not removed, so that line numbers in messages stay right.
-        text = re.sub(rb"(?m)^[ \t]*(comment|obj_info)[^\r\n]*", b"", text)
-    return TextCells(numbers(text, "PLY", offset=body, whole=data))
+    try:
+        return TextCells(numbers(text, "PLY", offset=body, whole=data))
+    except FormatError:
+        # Some writers go on with comments behind the header; blanked, so that line numbers in messages stay right.
+        blanked = re.sub(rb"(?m)^[ \t]*(comment|obj_info)[^\r\n]*", lambda found: b" " * len(found.group()), text)
+        if blanked == text:
+            raise
+        return TextCells(numbers(blanked, "PLY", offset=body, whole=data))
 
 
 def _tables(cells: Cells, start: int, elements: list[Element], limits: Limits) -> dict[str, Table]:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import FaceIndexOutOfRange, NoFaces, NonFiniteVertices, UnsupportedFeature
-from reebase.mesh.mesh import Mesh
+from reebase.errors import FaceIndexOutOfRange, NoFaces, UnsupportedFeature
+from reebase.mesh.mesh import Mesh, refuse_non_finite
 from reebase.mesh.read.limits import Limits
 from reebase.words import counted
 
@@ -54,23 +54,15 @@ def build(
     if not len(sizes) or int(sizes.max()) < 3:
         raise NoFaces()
     corners = corners.astype(np.int64, copy=False)
-    outside = (corners < 0) | (corners >= len(vertices))
-    if outside.any():
-        at = int(np.flatnonzero(outside)[0])
+    if len(corners) and (corners.min() < 0 or corners.max() >= len(vertices)):
+        at = int(np.flatnonzero((corners < 0) | (corners >= len(vertices)))[0])
         face = int(np.searchsorted(np.cumsum(sizes), at, side="right"))
         raise FaceIndexOutOfRange(
             f"Face {face + base} refers to vertex {int(corners[at]) + base}, but there are only "
             f"{counted(len(vertices), 'vertex')} (faces and vertices are counted from {base}).",
             face=face + base, vertex=int(corners[at]) + base, vertices=len(vertices),
         )  # fmt: skip
-    finite = np.asarray(np.isfinite(vertices).all(axis=1))
-    if not finite.all() and not finite[corners].all():
-        bad = np.unique(corners[~finite[corners]])
-        raise NonFiniteVertices(
-            f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
-            f"the first is vertex {int(bad[0])}.",
-            count=len(bad), first=int(bad[0]),
-        )  # fmt: skip
+    refuse_non_finite(vertices, corners)
     faces = triangulate(vertices, corners, sizes.astype(np.int64, copy=False))
     return Mesh(vertices, faces.astype(np.int32))
 

@@ -13,20 +13,14 @@ from reebase.errors import FormatError, NoFaces, TruncatedFile
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
-from reebase.mesh.read.text import PIECE, lenient_float, plain_text, quoted, without_comments
+from reebase.mesh.read.text import PIECE, as_bytes, plain_text, quoted, repaired, without_comments
 from reebase.words import counted
 
 __all__ = ["is_text", "looks_like_text_stl", "read_stl"]
 
 HEADER = 84
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_LOOP = re.compile(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)|(?<!\S)(endloop)(?!\S)")
-TOKENS = 21
-"""Words and numbers of a facet: facet normal n n n outer loop, three times vertex x y z, endloop endfacet."""
-_LAYOUT = {
-    0: b"facet", 1: b"normal", 5: b"outer", 6: b"loop", 7: b"vertex", 11: b"vertex", 15: b"vertex",
-    19: b"endloop", 20: b"endfacet",
-}  # fmt: skip
+_VERTEX, _ENDLOOP = np.frombuffer(b"vertex", np.uint8), np.frombuffer(b"endloop", np.uint8)
 _OPENED = re.compile(rb"(?<!\S)facet\s+normal(\s|\Z)")
 _OPENING = re.compile(rb"(?<!\S)facet(\s+\S*)?\Z")
 
@@ -83,20 +77,21 @@ def _binary(data: bytes, announced: int, limits: Limits) -> Mesh:
 def _text(data: bytes, limits: Limits) -> Mesh:
     text = without_comments(plain_text(data))
     vertices: list[npt.NDArray[np.float64]] = []
-    sizes: list[int] = []
-    found = 0
+    sizes: list[npt.NDArray[np.int64]] = []
+    facets = found = 0
     for start, end in _spans(text):
-        piece = text[start:end].lower()
-        values, some_sizes = _regular(piece) or _loops(piece)
-        found += len(values) // 3
-        sizes += some_sizes
-        limits.check_faces(max(len(sizes), found // 3))
-        if len(values) != 3 * sum(some_sizes) or (end == len(text) and _is_cut(piece, bool(some_sizes))):
-            raise TruncatedFile("The text STL ends in the middle of a facet.", facets=len(sizes))
-        vertices.append(_positions(values, text, start))
-    if not sizes:
+        piece = text[start:end]
+        some, some_sizes = _loops(piece, text, start)
+        found += len(some)
+        facets += len(some_sizes)
+        limits.check_faces(max(facets, found // 3))
+        if len(some) != some_sizes.sum() or (end == len(text) and _is_cut(piece.lower(), bool(len(some_sizes)))):
+            raise TruncatedFile("The text STL ends in the middle of a facet.", facets=facets)
+        vertices.append(some)
+        sizes.append(some_sizes)
+    if not facets:
         raise NoFaces("The text STL has no facets.")
-    return _soup(np.concatenate(vertices), np.array(sizes, dtype=np.int64), limits)
+    return _soup(np.concatenate(vertices), np.concatenate(sizes), limits)
 
 
 def _is_cut(piece: bytes, facets: bool) -> bool:
@@ -110,31 +105,15 @@ def _is_cut(piece: bytes, facets: bool) -> bool:
     return _OPENED.search(rest) is not None or (not ended and _OPENING.search(rest) is not None)
 
 
-def _regular(piece: bytes) -> tuple[list[bytes], list[int]] | None:
-    """As ``_loops``, for a piece that is nothing but facets of three vertices in the usual order, else None."""
-    tokens = piece.split()
-    facets, rest = divmod(len(tokens), TOKENS)
-    if rest or any(tokens[at::TOKENS].count(word) != facets for at, word in _LAYOUT.items()):
-        return None
-    values = [b""] * (9 * facets)
-    for corner in range(3):
-        for axis in range(3):
-            values[3 * corner + axis :: 9] = tokens[8 + 4 * corner + axis :: TOKENS]
-    return values, [3] * facets
+def _loops(piece: bytes, text: bytes, start: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """(all vertices, (n, 3); vertices of each closed loop) of the piece, which stands at ``start`` in the text."""
+    from reebase.mesh.read.text_kernels import scan_loops
 
-
-def _loops(piece: bytes) -> tuple[list[bytes], list[int]]:
-    """(coordinates of all vertices in a row, vertices of each closed loop) of a piece in lower case."""
-    values: list[bytes] = []
-    sizes: list[int] = []
-    closed = 0
-    for x, y, z, ended in _LOOP.findall(piece):
-        if ended:
-            sizes.append((len(values) - closed) // 3)
-            closed = len(values)
-        else:
-            values += (x, y, z)
-    return values, sizes
+    values, sizes = np.empty(len(piece) // 3 + 3), np.empty(len(piece) // 8 + 1, np.int64)
+    odd = np.empty((len(piece) // 3 + 3, 2), np.int64)
+    vertices, loops, strange = scan_loops(as_bytes(piece), _VERTEX, _ENDLOOP, values, sizes, odd)
+    repaired(values, odd[:strange], piece, "STL", text, start)
+    return values[: 3 * vertices].reshape(-1, 3), sizes[:loops]
 
 
 def _spans(text: bytes) -> Iterator[tuple[int, int]]:
@@ -148,22 +127,6 @@ def _spans(text: bytes) -> Iterator[tuple[int, int]]:
         end = len(text) if found is None else found.end()
         yield start, end
         start = end
-
-
-def _positions(values: list[bytes], text: bytes, start: int) -> npt.NDArray[np.float64]:
-    try:
-        flat = np.fromiter(map(float, values), np.float64, len(values))
-    except ValueError:
-        flat = np.empty(len(values))
-        for i, token in enumerate(values):
-            try:
-                flat[i] = lenient_float(token)
-            except ValueError:
-                line = text.count(b"\n", 0, text.lower().find(token, start)) + 1
-                raise FormatError(
-                    f"STL: {quoted(token)} near line {line} stands where a coordinate is expected.", line=line
-                ) from None
-    return flat.reshape(-1, 3)
 
 
 def _soup(vertices: npt.NDArray[np.float64], sizes: npt.NDArray[np.int64], limits: Limits) -> Mesh:

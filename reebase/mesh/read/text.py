@@ -1,11 +1,11 @@
-"""Numbers out of text, in pieces, so that a large file never stands in memory as Python objects."""
+"""Numbers out of text, in pieces; the loops are in text_kernels.py, what is spelt oddly is read here."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -13,24 +13,18 @@ import numpy.typing as npt
 from reebase.errors import FormatError
 
 __all__ = [
-    "PIECE",
-    "floats",
-    "integers",
-    "json_fault",
-    "lenient_float",
-    "numbers",
-    "pieces",
-    "plain_text",
-    "quoted",
-    "rectangle",
-    "without_comments",
-]
+    "PIECE", "as_bytes", "json_fault", "lenient_float", "line_of", "numbers", "pieces", "plain_text", "quoted",
+    "repaired", "tokens", "without_comments",
+]  # fmt: skip
 
 PIECE = 1 << 20
-"""Bytes of text that are split into tokens at a time: 1 MiB is about 15 MiB of tokens."""
+"""Bytes of text that are read at a time, so that what is noted of the tokens stays small."""
 
 LONGEST_PIECE = 16 << 20
-"""A longer piece is one endless line; split, it would take gigabytes."""
+"""A longer piece is one endless line; split, its notes would take gigabytes."""
+
+LONGEST_NUMBER = 512
+"""Bytes of a token that are looked at: a float64 written out in full has up to 330."""
 
 _SIGN_BEFORE_EXPONENT = re.compile(r"^([+-]?[\d.]+)([+-])[eEdD](\d+)$")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -99,60 +93,61 @@ def lenient_float(token: bytes) -> float:
     return float(re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", repaired))
 
 
-def floats(tokens: list[bytes]) -> npt.NDArray[np.float64]:
-    """Tokens as float64, also as ``lenient_float`` takes them. Raises ValueError."""
-    try:
-        return np.fromiter(map(float, tokens), np.float64, len(tokens))
-    except ValueError:
-        return np.fromiter(map(lenient_float, tokens), np.float64, len(tokens))
-
-
 def numbers(
     data: bytes, what: str, *, offset: int = 0, whole: bytes | None = None
 ) -> npt.NDArray[np.float64]:
-    """All tokens of the text as float64, shape (k,).
+    """All tokens of the text as float64, shape (k,), also as ``lenient_float`` takes them.
 
     ``what`` names the format in the message; ``offset`` and ``whole`` say where the text stands in the
     file, for the line number there. Raises FormatError at the first token that is not a number.
     """
-    parts = []
+    parts = [np.zeros(0)]
     for start, piece in pieces(data, b" \t\r\n\v\f"):
+        values, _, odd = tokens(piece)
+        parts.append(repaired(values, odd, piece, what, whole if whole is not None else data, offset + start))
+    return np.concatenate(parts)
+
+
+def tokens(text: bytes) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """All tokens of the text as numbers, which tokens begin a line, and the odd tokens.
+
+    values: float64, (k,), NaN where the token is odd; rows: int64, the first token of every line that has any; odd:
+    int64, (j, 2), token and offset of each that ``repaired`` must see.
+    """
+    from reebase.mesh.read.text_kernels import scan_numbers
+
+    most = len(text) // 2 + 1
+    values, rows, odd = np.empty(most), np.empty(most, np.int64), np.empty((most, 2), np.int64)
+    count, lines, strange = scan_numbers(as_bytes(text), values, rows, odd)
+    return values[:count], rows[:lines], odd[:strange]
+
+
+def repaired(
+    values: npt.NDArray[np.float64], odd: npt.NDArray[np.int64], text: bytes, what: str, whole: bytes, start: int
+) -> npt.NDArray[np.float64]:
+    """The values with each odd one as ``lenient_float`` reads it; ``text`` stands at ``start`` in the whole file.
+
+    Raises FormatError at the first that is not a number.
+    """
+    for at, offset in odd.tolist():
+        token = text[offset : offset + LONGEST_NUMBER].split(maxsplit=1)[0]
         try:
-            parts.append(floats(piece.split()))
+            values[at] = lenient_float(token)
         except ValueError:
-            raise _not_a_number(piece, what, whole if whole is not None else data, offset + start) from None
-    return np.concatenate(parts) if parts else np.zeros(0)
+            line = line_of(whole, start + offset)
+            raise FormatError(
+                f"{what}: {quoted(token)} in line {line} stands where a number is expected.", line=line
+            ) from None
+    return values
 
 
-def _not_a_number(piece: bytes, what: str, whole: bytes, start: int) -> FormatError:
-    for match in re.finditer(rb"\S+", piece):
-        try:
-            lenient_float(match.group())
-        except ValueError:
-            line = whole.count(b"\n", 0, start + match.start()) + 1
-            return FormatError(
-                f"{what}: {quoted(match.group())} in line {line} stands where a number is expected.",
-                line=line,
-            )
-    return FormatError(f"{what}: a token is not a number.")
+def line_of(text: bytes, offset: int) -> int:
+    """The line, from 1, in which the byte at the offset stands; lines end with LF, CR LF or CR."""
+    return len(text[: offset + 1].splitlines())
 
 
-def rectangle(lines: list[bytes]) -> tuple[list[bytes], int] | None:
-    """(all tokens in a row, tokens a line) if every line has the same number of tokens, else None."""
-    if not lines:
-        return None
-    # One split of the joined text is far faster than a split of every line; the marks show the ragged ones.
-    tokens = b" ; ".join(lines).split()
-    stride, rest = divmod(len(tokens) + 1, len(lines))
-    if rest or tokens[stride - 1 :: stride].count(b";") != len(lines) - 1:
-        return None
-    del tokens[stride - 1 :: stride]
-    return tokens, stride - 1
+def as_bytes(text: bytes) -> npt.NDArray[np.uint8]:
+    """The text as the kernels take it, with line breaks at its end."""
+    from reebase.mesh.read.text_kernels import PADDING
 
-
-def integers(tokens: Iterable[bytes]) -> npt.NDArray[np.int64]:
-    """Tokens as int64. Raises ValueError, also for numbers that int64 does not hold."""
-    try:
-        return np.fromiter(map(int, tokens), np.int64)
-    except OverflowError:
-        raise ValueError("an integer of more than 64 bits") from None
+    return np.frombuffer(text + PADDING * b"\n", np.uint8)
