@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, rgpd, shape_dna, srg, views, wks
+from reebase.descriptors import d2, extended, gps, hks, rgpd, sh, shape_dna, srg, views, wks
 from reebase.descriptors.surface import Surface, surface_of
 from reebase.descriptors.vectors import VECTORS
 from reebase.descriptors.views import VIEWS
@@ -97,6 +97,8 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2")),
         Descriptor("gps", "Distances in the global point signature.", gps.describe, VECTORS, ("l1", "l2")),
         Descriptor("d2", "Distances between points of the surface.", d2.describe, VECTORS, ("l1", "l2")),
+        Descriptor("sh", "Spherical harmonics of the surface in shells round its centroid.",
+                   sh.describe, VECTORS, ("l1", "l2")),
         Descriptor("views", "Depth images from eighteen sides, in any of 48 positions.",
                    views.describe, VIEWS, ("l1",)),
     )
