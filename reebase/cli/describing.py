@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -17,11 +18,24 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import descriptor_named
+from reebase.descriptors import descriptor_named, surface_of
 from reebase.errors import ReebaseError
 from reebase.pipeline import Profile, describe
 
-__all__ = ["Outcome", "Refusal", "descriptions"]
+__all__ = ["Kept", "Outcome", "Refusal", "descriptions"]
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What is kept of a mesh by each descriptor, and the seconds that each took.
+
+    seconds: ``pipeline``, ``eigenpairs`` where more than the skeleton's endpoints are kept, and each descriptor beyond
+    these.
+    """
+
+    arrays: dict[str, npt.NDArray[np.float64]]
+    seconds: dict[str, float]
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -31,14 +45,14 @@ class Refusal:
     detail: str
 
 
-Outcome = npt.NDArray[np.float64] | Refusal
+Outcome = Kept | Refusal
 """What is kept of a mesh, or why there is nothing."""
 
 _DIED = Refusal("worker_died", "The process that described this mesh died, most likely for want of memory.")
 
 
 def descriptions(
-    files: Sequence[Path], profile: Profile, descriptor: str, jobs: int
+    files: Sequence[Path], profile: Profile, descriptors: Sequence[str], jobs: int
 ) -> Iterator[tuple[Path, Outcome]]:
     """Each file with its description or its refusal, as they are done; the numbers do not depend on ``jobs``.
 
@@ -47,7 +61,7 @@ def descriptions(
     """
     workers = max(1, min(jobs or os.cpu_count() or 1, len(files)))
     if workers == 1:
-        yield from ((path, _described(path, profile, descriptor)) for path in files)
+        yield from ((path, _described(path, profile, descriptors)) for path in files)
         return
     left = deque(files)
     while left:
@@ -59,7 +73,7 @@ def descriptions(
                 while left and len(running) < workers:
                     path = left.popleft()
                     try:
-                        running[pool.submit(_described, path, profile, descriptor)] = path
+                        running[pool.submit(_described, path, profile, descriptors)] = path
                     except BrokenProcessPool:
                         lost.append(path)
                         break
@@ -78,10 +92,13 @@ def descriptions(
                 else:
                     yield path, outcome
         for path in lost:
-            yield path, _alone(path, profile, descriptor)
+            yield path, _alone(path, profile, descriptors)
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
+    # Each process has a core to itself: threads of the linear algebra would only wait for those of the others. It
+    # reads this when it is loaded, so the children must find it in their environment.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_prepare)
 
 
@@ -106,18 +123,34 @@ def _outcome(future: Future[Outcome]) -> Outcome | None:
         return None
 
 
-def _alone(path: Path, profile: Profile, descriptor: str) -> Outcome:
+def _alone(path: Path, profile: Profile, descriptors: Sequence[str]) -> Outcome:
     with _pool(1) as pool:
-        found = _outcome(pool.submit(_described, path, profile, descriptor))
+        found = _outcome(pool.submit(_described, path, profile, descriptors))
     return _DIED if found is None else found
 
 
-def _described(path: Path, profile: Profile, descriptor: str) -> Outcome:
+def _described(path: Path, profile: Profile, descriptors: Sequence[str]) -> Outcome:
     try:
-        return descriptor_named(descriptor).describe(describe(path, profile))
+        return _kept(path, profile, descriptors)
     except ReebaseError as refusal:
         return Refusal(refusal.code, refusal.message)
     except OSError as failure:
         return Refusal("unreadable", f"The file cannot be read: {failure.strerror or failure}.")
     except MemoryError:
         return Refusal("out_of_memory", "There was not enough memory for this mesh.")
+
+
+def _kept(path: Path, profile: Profile, descriptors: Sequence[str]) -> Kept:
+    begun = time.perf_counter()
+    surface = surface_of(describe(path, profile))
+    seconds = {"pipeline": time.perf_counter() - begun}
+    if any(name != "srg" for name in descriptors):
+        begun = time.perf_counter()
+        surface.spectrum()
+        seconds["eigenpairs"] = time.perf_counter() - begun
+    arrays = {}
+    for name in descriptors:
+        begun = time.perf_counter()
+        arrays[name] = descriptor_named(name).describe(surface)
+        seconds[name] = time.perf_counter() - begun
+    return Kept(arrays, seconds)

@@ -21,8 +21,8 @@ from rich.table import Column, Table
 from reebase.errors import ParameterError
 
 __all__ = [
-    "STDOUT", "Step", "check_picture", "check_target", "notices", "print_table", "progress", "results", "shown",
-    "write_bytes", "write_json",
+    "STDOUT", "Step", "Steps", "check_picture", "check_target", "notices", "print_table", "progress", "results",
+    "shown", "write_bytes", "write_json",
 ]  # fmt: skip
 
 STDOUT = Path("-")

@@ -15,7 +15,9 @@ __all__ = ["matrix_plot", "precision_recall_plot"]
 
 _MOST_INSIDE = 6
 _LEGEND = 150
-"""Curves that are named inside the plot, and pixels for the names beside it where there are more."""
+_WIDE = 560
+"""Curves that are named inside the plot; pixels for the names beside it where there are more, and from which width on
+there is room beside it and not below."""
 
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
 
@@ -28,7 +30,7 @@ def precision_recall_plot(
 ) -> bytes:  # fmt: skip
     """Precision over recall, one line for each named (recall, precision), as SVG or PNG.
 
-    Lines differ in colour and in dashes. More than six are named beside the plot, not in it.
+    Lines differ in colour and in dashes. More than six are named beside or below the plot.
     Raises ParameterError, UnknownName, MissingPackage.
     """
     if not curves:
@@ -43,8 +45,12 @@ def precision_recall_plot(
     colours = theme_named(theme)
     figure = blank(width, height, colours.ground)
     top = 0.9 if title else 0.96
-    beside = _LEGEND if len(curves) > _MOST_INSIDE else 0
-    axes = figure.add_axes((64 / width, 56 / height, 1 - (88 + beside) / width, top - 56 / height))
+    many = len(curves) > _MOST_INSIDE
+    beside = _LEGEND if many and width >= _WIDE else 0
+    below = 18 * -(-len(curves) // 2) + 12 if many and not beside else 0
+    axes = figure.add_axes((
+        64 / width, (56 + below) / height, 1 - (88 + beside) / width, top - (56 + below) / height,
+    ))  # fmt: skip
     axes.set_facecolor(colours.ground)
     for number, (name, (recall, precision)) in enumerate(curves.items()):
         axes.plot(
@@ -59,7 +65,11 @@ def precision_recall_plot(
     _plain(axes, colours)
     axes.grid(color=colours.grid, linewidth=0.8)
     axes.set_axisbelow(True)
-    where: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)} if beside else {"loc": "lower left"}
+    where: dict[str, Any] = {"loc": "lower left"}
+    if beside:
+        where = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0)}
+    elif below:
+        where = {"loc": "upper center", "bbox_to_anchor": (0.5, -50 / (height * top - 56 - below)), "ncols": 2}
     axes.legend(
         facecolor=colours.ground, edgecolor="none", framealpha=0.85, fontsize=9, labelcolor=colours.ink,
         handlelength=3.4, borderaxespad=0.4, **where,
@@ -90,9 +100,12 @@ def matrix_plot(
             f"{len(matrix)} rows need as many labels; found {len(labels)}.", parameter="labels"
         )  # fmt: skip
     colours = theme_named(theme)
-    figure = blank(size, size, colours.ground)
-    left, bottom, side = 0.155, 0.14, 0.73
-    axes = figure.add_axes((left, bottom, side, side))
+    high_up = 0.13 if title else 0.06
+    height = round(size * (0.87 + high_up))
+    figure = blank(size, height, colours.ground)
+    left, side = 0.155, 0.73
+    bottom, tall = 0.14 * size / height, side * size / height
+    axes = figure.add_axes((left, bottom, side, tall))
     finite = matrix[np.isfinite(matrix)]
     high = float(np.quantile(finite, 0.98)) if finite.size else 1.0
     image = axes.imshow(
@@ -109,14 +122,14 @@ def matrix_plot(
     axes.set_yticks(middles, names, parse_math=False)
     _plain(axes, colours)
     axes.tick_params(length=0, labelsize=8.5)
-    beside = figure.add_axes((left + side + 0.025, bottom, 0.018, side))
+    beside = figure.add_axes((left + side + 0.025, bottom, 0.018, tall))
     bar = figure.colorbar(image, cax=beside, extend="max")
     bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=8, colors=colours.soft, length=0)
     bar.ax.set_title("D", fontsize=10, color=colours.ink, pad=14)
     if title:
         figure.text(
-            left, bottom + side + 0.03, title, fontsize=12, color=colours.ink, fontweight="bold", parse_math=False
+            left, bottom + tall + 0.03, title, fontsize=12, color=colours.ink, fontweight="bold", parse_math=False
         )  # fmt: skip
     return encoded(figure, format)
 

@@ -52,9 +52,13 @@ class Ranking:
             found[part] = descriptor_named(part).distances(
                 kept[part], measure, progress=_share(progress, done, len(self.parts))
             )
+        return self.combined(found)
+
+    def combined(self, distances: Mapping[str, Array]) -> Array:
+        """The same from the dissimilarities of all pairs by each part, (n, n): several rankings may share these."""
         if self.measure is not None:
-            return found[self.name]
-        fused = fused_matrix(found)
+            return distances[self.name]
+        fused = fused_matrix(distances)
         return reranked_matrix(fused) if self.rerank else fused
 
 

@@ -112,6 +112,9 @@ def test_files_of_the_table_that_are_absent_are_told_and_files_without_label_tak
         (("--json", "/nowhere/out.json"), "no folder /nowhere"),
         (("--json", "/"), "is a folder"),
         (("--plot", "curve.pdf"), "svg"),
+        (("--report", "/nowhere/report"), "no folder /nowhere"),
+        (("--report", "/dev/null"), "is a file"),
+        (("--descriptor", "srg", "--rerank"), "fused"),
         (("--labels", "/nowhere/labels.csv"), "could not be read"),
     ],
 )
@@ -148,7 +151,7 @@ def prepare_deadly() -> None:
 def test_a_mesh_that_kills_its_process_fails_alone(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(describing, "_prepare", prepare_deadly)
     files = sorted(folder.rglob("*.*"))
-    found = dict(descriptions(files, Profile(bands=24), "srg", 2))
+    found = dict(descriptions(files, Profile(bands=24), ["srg"], 2))
     assert sorted(found) == files
     dead = [path.name for path, outcome in found.items() if isinstance(outcome, Refusal)]
     assert dead == ["1.off"]
@@ -173,3 +176,23 @@ def test_a_measure_of_another_descriptor_is_refused(command: Command, folder: Pa
     assert ran.code == 2
     assert "measure of hks" in ran.err
     assert "l1" in ran.err
+
+
+def test_several_descriptors_are_compared_in_one_report(command: Command, folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "report"
+    options = ("--descriptor", "srg", "--descriptor", "fused", "--no-rerank", "--descriptor", "hks", "--report", out)
+    record = report_of(command, folder, "--jobs", 1, *options)
+    assert list(record["descriptors"]) == ["srg", "fused", "hks"]
+    written = json.loads((out / "report.json").read_text())
+    for name, one in record["descriptors"].items():
+        assert one["overall"] == written["descriptors"][name]["overall"]
+        assert written["descriptors"][name]["cost"]["bytes"] > 0
+    assert written["descriptors"]["hks"]["cost"]["bytes"] == 4 * 160
+    text = (out / "index.html").read_text()
+    assert text.count('<image id="t') == 6
+    assert (out / "matrix-hks.svg").exists()
+
+
+def test_a_descriptor_that_is_named_twice_counts_once(command: Command, folder: Path) -> None:
+    record = report_of(command, folder, "--jobs", 1, "--descriptor", "srg", "--descriptor", "srg")
+    assert record["descriptor"] == "srg"
