@@ -26,6 +26,7 @@ from service.guards import Guards
 from service.metrics import Metrics
 from service.routes import (
     about,
+    bulk,
     collections,
     denoise,
     drawn,
@@ -48,8 +49,8 @@ DESCRIPTION = (
 )
 
 _ROUTERS: tuple[APIRouter, ...] = (
-    collections.router, shapes.router, results.router, drawn.router, queries.router, denoise.router, tasks.router,
-    evaluations.router, about.router, operations.router, pages.router,
+    collections.router, shapes.router, bulk.router, results.router, drawn.router, queries.router, denoise.router,
+    tasks.router, evaluations.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

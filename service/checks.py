@@ -12,7 +12,7 @@ from service.schemas.queries import QueryParameters
 from service.schemas.shapes import Attributes, ShapePatch
 from service.settings import ServiceSettings
 
-__all__ = ["MAX_PAGE", "check_attributes", "check_query"]
+__all__ = ["MAX_PAGE", "check_attributes", "check_label", "check_query"]
 
 MAX_PAGE = 500
 
@@ -59,6 +59,13 @@ def check_attributes(value: Attributes | ShapePatch, settings: ServiceSettings, 
             f"has {size} bytes as JSON; at most {settings.max_metadata_bytes} are allowed",
             "too_long",
         )
+    found.refuse()
+
+
+def check_label(label: str | None, settings: ServiceSettings) -> None:
+    """Raises InvalidRequest for a label that is too long."""
+    found = _Findings(form=False)
+    found.longest("label", label, settings.max_label_length)
     found.refuse()
 
 

@@ -92,6 +92,7 @@ class Filters:
     """Which shapes: all that is given must hold.
 
     tags: the shape has every one of them. metadata: top-level keys with exactly these JSON values.
+    text: stands in its name, file name or label, whatever the case of its letters. unlabelled: has no label.
     """
 
     label: str | None = None
@@ -99,9 +100,11 @@ class Filters:
     state: str | None = None
     sha256: str | None = None
     metadata: dict[str, Any] = field(default_factory=dict)
+    text: str | None = None
+    unlabelled: bool = False
 
     def __bool__(self) -> bool:
-        return bool(self.tags or self.metadata) or (self.label, self.state, self.sha256) != (None, None, None)
+        return self != Filters()
 
 
 @dataclass(frozen=True)

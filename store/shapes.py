@@ -2,8 +2,9 @@
 
 ``add(conn, collection_id, *, sha256, bytes, format, name, filename, label, tags, metadata, owner)
 -> (Shape, created)``, ``get(conn, collection_id, shape_id)``, ``by_ids(conn, shape_ids) -> dict``,
-``list_page(conn, collection_id, filters, *, limit, cursor) -> Page``,
-``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``,
+``list_page(conn, collection_id, filters, *, limit, cursor, sort) -> Page``, ``count(conn, collection_id, filters)``,
+``labels(conn, collection_id) -> [(label, shapes)]``,
+``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``, ``label_many(conn, ...)``,
 ``delete(conn, collection_id, shape_id)``, ``restore(conn, collection_id, shape_id)``, ``purge(conn, keep_seconds)``,
 ``ids_matching(conn, collection_id, filters) -> frozenset``
 
@@ -16,26 +17,38 @@ A deleted shape keeps its rows for a while, so that it can be restored; nothing 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Connection, Select, exists, select
+from sqlalchemy import ColumnElement, Connection, Select, exists, func, literal, or_, select, tuple_
 from sqlalchemy import delete as delete_from
 from sqlalchemy import update as update_rows
 
+from reebase.errors import unknown_name
 from store import tasks
-from store.errors import ShapeExists, ShapeNotFound
+from store.errors import InvalidCursor, ShapeExists, ShapeNotFound
 from store.records import Filters, Page, Shape
 from store.revision import bump
-from store.sql import canonical_json, cursor_after, id_of_cursor, insert, new_id, now
+from store.sql import canonical_json, cursor_beyond, insert, new_id, now, values_of_cursor
 from store.tables import collection, endpoint_features, health, present, shape_metadata, shape_tag, skeleton, tombstone
 from store.tables import shape as table
 
 __all__ = [
-    "UNSET", "Unset", "add", "by_ids", "delete", "get", "ids_matching", "list_page", "purge", "restore", "update",
+    "SORTS", "UNSET", "Unset", "add", "by_ids", "count", "delete", "get", "ids_matching", "label_many", "labels",
+    "list_page", "purge", "restore", "update",
 ]  # fmt: skip
 
+SORTS = ("created", "name", "label", "endpoints", "bytes")
+"""What a list can be sorted by; shapes without a label or a description come first."""
+
 _MANY = 500  # ids in one statement, below every database's limit of parameters
+_KEYS: dict[str, tuple[type, ColumnElement[Any]]] = {
+    "created": (str, table.c.id),
+    "name": (str, func.lower(table.c.name)),
+    "label": (str, func.coalesce(func.lower(table.c.label), "")),
+    "endpoints": (int, func.coalesce(endpoint_features.c.endpoint_count, -1)),
+    "bytes": (int, table.c.bytes),
+}
 
 
 class Unset:
@@ -102,14 +115,49 @@ def list_page(
     *,
     limit: int = 100,
     cursor: str | None = None,
+    sort: str = "created",
 ) -> Page[Shape]:
-    """Oldest first. Raises InvalidCursor."""
+    """In the order of ``sort``, one of SORTS, which a "-" before it turns round; equals by age.
+
+    Raises InvalidCursor, UnknownName.
+    """
+    name = sort.removeprefix("-")
+    if name not in SORTS:
+        raise unknown_name("order", sort[:80], [*SORTS, *(f"-{known}" for known in SORTS)])
+    turned = sort.startswith("-")
+    kind, key = _KEYS[name]
     query = _filtered(select(table), collection_id, filters or Filters())
+    place = tuple_(key, table.c.id)
     if cursor is not None:
-        query = query.where(table.c.id > id_of_cursor(cursor))
-    found = _read(conn, query.order_by(table.c.id).limit(limit + 1))
+        order, value, shape_id = values_of_cursor(cursor, str, kind, str)
+        if order != sort:
+            raise InvalidCursor("The cursor is of the same list in another order.", parameter="cursor")
+        beyond = tuple_(literal(value), literal(shape_id))
+        query = query.where(place < beyond if turned else place > beyond)
+    both = (key.desc(), table.c.id.desc()) if turned else (key, table.c.id)
+    found = _read(conn, query.order_by(*both).limit(limit + 1))
     items = tuple(found[:limit])
-    return Page(items, cursor_after(items[-1].id) if len(found) > limit else None)
+    if len(found) <= limit:
+        return Page(items, None)
+    last = conn.execute(_joined(select(key)).where(table.c.id == items[-1].id)).scalar_one()
+    return Page(items, cursor_beyond(sort, last, items[-1].id))
+
+
+def count(conn: Connection, collection_id: str, filters: Filters | None = None) -> int:
+    """How many shapes the filters let pass."""
+    return int(conn.execute(_filtered(select(func.count()), collection_id, filters or Filters())).scalar_one())
+
+
+def labels(conn: Connection, collection_id: str) -> list[tuple[str | None, int]]:
+    """Every label with the number of its shapes, and None with that of shapes without one; most first."""
+    number = func.count().label("number")
+    rows = conn.execute(
+        select(table.c.label, number)
+        .where(table.c.collection_id == collection_id, present)
+        .group_by(table.c.label)
+        .order_by(number.desc(), table.c.label)
+    )
+    return [(label, count) for label, count in rows]
 
 
 def ids_matching(conn: Connection, collection_id: str, filters: Filters) -> frozenset[str]:
@@ -140,6 +188,19 @@ def update(
         conn.execute(delete_from(shape_metadata).where(shape_metadata.c.shape_id == shape_id))
         _write_metadata(conn, shape_id, metadata)
     return get(conn, collection_id, shape_id)
+
+
+def label_many(conn: Connection, collection_id: str, shape_ids: Sequence[str], label: str | None) -> int:
+    """Gives all of the shapes one label, or none; says how many are there."""
+    mine = (table.c.collection_id == collection_id, present)
+    return sum(
+        conn.execute(
+            update_rows(table)
+            .where(table.c.id.in_(shape_ids[start : start + _MANY]), *mine)
+            .values(label=label, updated_at=now())
+        ).rowcount
+        for start in range(0, len(shape_ids), _MANY)
+    )
 
 
 def delete(conn: Connection, collection_id: str, shape_id: str) -> Shape:
@@ -210,6 +271,11 @@ def _filtered(query: Select[Any], collection_id: str, filters: Filters) -> Selec
         value = getattr(filters, name)
         if value is not None:
             query = query.where(table.c[name] == value)
+    if filters.unlabelled:
+        query = query.where(table.c.label.is_(None))
+    if filters.text:
+        columns = (table.c.name, table.c.filename, table.c.label)
+        query = query.where(or_(*(column.icontains(filters.text, autoescape=True) for column in columns)))
     for tag in filters.tags:
         query = query.where(table.c.id.in_(select(shape_tag.c.shape_id).where(shape_tag.c.tag == tag)))
     for key, value in filters.metadata.items():
@@ -220,7 +286,7 @@ def _filtered(query: Select[Any], collection_id: str, filters: Filters) -> Selec
 
 def _read(conn: Connection, query: Select[Any]) -> list[Shape]:
     described = (
-        query.outerjoin(endpoint_features, endpoint_features.c.shape_id == table.c.id)
+        _joined(query)
         .outerjoin(health, health.c.shape_id == table.c.id)
         .outerjoin(skeleton, skeleton.c.shape_id == table.c.id)
         .add_columns(endpoint_features.c.endpoint_count, health.c.report, skeleton.c.thumbnail_sha256)
@@ -240,6 +306,10 @@ def _read(conn: Connection, query: Select[Any]) -> list[Shape]:
         )
         for row in rows
     ]
+
+
+def _joined(query: Select[Any]) -> Select[Any]:
+    return query.select_from(table).outerjoin(endpoint_features, endpoint_features.c.shape_id == table.c.id)
 
 
 def _write_tags(conn: Connection, shape_id: str, tags: Iterable[str]) -> None:

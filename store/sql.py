@@ -26,8 +26,8 @@ from sqlalchemy.types import TypeDecorator, TypeEngine
 from store.errors import InvalidCursor
 
 __all__ = [
-    "BIG", "DOUBLE", "Json", "Moment", "canonical_json", "cursor_after", "id_of_cursor", "insert", "new_id",
-    "now", "read_clock",
+    "BIG", "DOUBLE", "Json", "Moment", "canonical_json", "cursor_after", "cursor_beyond", "id_of_cursor", "insert",
+    "new_id", "now", "read_clock", "values_of_cursor",
 ]  # fmt: skip
 
 # STRICT tables of SQLite know INTEGER and REAL only; both are 64 bits wide there.
@@ -118,6 +118,22 @@ def new_id() -> str:
 def cursor_after(last_id: str) -> str:
     """The opaque cursor of the page that follows this id."""
     return base64.urlsafe_b64encode(UUID(last_id).bytes).rstrip(b"=").decode()
+
+
+def cursor_beyond(*values: str | int) -> str:
+    """The opaque cursor of the page that follows a row with these values."""
+    return base64.urlsafe_b64encode(canonical_json(values).encode()).rstrip(b"=").decode()
+
+
+def values_of_cursor(cursor: str, *kinds: type) -> list[Any]:
+    """What ``cursor_beyond`` was given, each of its kind. Raises InvalidCursor."""
+    try:
+        found = json.loads(base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True))
+    except (ValueError, binascii.Error) as error:
+        raise InvalidCursor(parameter="cursor") from error
+    if not isinstance(found, list) or [type(value) for value in found] != list(kinds):
+        raise InvalidCursor("The cursor is of another list, or of the same in another order.", parameter="cursor")
+    return found
 
 
 def id_of_cursor(cursor: str) -> str:

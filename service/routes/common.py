@@ -32,7 +32,7 @@ IdPath = Annotated[str, Path(examples=["0199b4c0-7d5e-7000-8000-2f6f3a9f0001"])]
 PageSize = Annotated[int, Query(alias="limit", ge=1, le=MAX_PAGE, description="Items on a page.")]
 Cursor = Annotated[
     str | None,
-    Query(alias="cursor", max_length=200, description="`next` of the page before; none for the first."),
+    Query(alias="cursor", max_length=4000, description="`next` of the page before; none for the first."),
 ]
 IdempotencyKey = Annotated[
     str | None,

@@ -24,8 +24,7 @@ from service.routes.common import (
     open_collection,
 )
 from service.routes.documents import UPLOAD
-from service.schemas.common import PageOf
-from service.schemas.shapes import Attributes, ShapePatch, ShapeValue, UploadValue
+from service.schemas.shapes import Attributes, ShapePage, ShapePatch, ShapeValue, UploadValue
 from service.uploads import Upload, received
 from service.values import shape_value, shape_values, task_value
 from store import faults, keys, shapes, tasks
@@ -34,6 +33,10 @@ from store.records import Filters
 __all__ = ["router"]
 
 router = api_router("shapes")
+
+Sort = Literal[
+    "created", "-created", "name", "-name", "label", "-label", "endpoints", "-endpoints", "bytes", "-bytes"
+]
 
 _OF_THE_FILE = frozenset({"format", "filename"})
 
@@ -110,7 +113,7 @@ def _store(
     return response
 
 
-@router.get("/collections/{collection}/shapes", operation_id="listShapes", summary="Shapes, oldest first")
+@router.get("/collections/{collection}/shapes", operation_id="listShapes", summary="Shapes")
 def list_shapes(
     here: Here, principal: Reader, collection: CollectionPath, limit: PageSize = 50, cursor: Cursor = None,
     label: Annotated[str | None, Query(description="Only shapes with this label.")] = None,
@@ -119,13 +122,21 @@ def list_shapes(
     ] = None,
     state: Literal["queued", "running", "indexed", "failed", "cancelled"] | None = None,
     sha256: Annotated[str | None, Query(description="Of the uploaded bytes.")] = None,
-) -> PageOf[ShapeValue]:  # fmt: skip
-    """All shapes, or those that the filters let pass."""
-    filters = Filters(label=label, tags=tuple(tag or ()), state=state, sha256=sha256)
+    text: Annotated[
+        str | None, Query(description="Stands in name, file name or label.", min_length=1, max_length=200)
+    ] = None,
+    unlabelled: Annotated[bool, Query(description="Only shapes without a label.")] = False,
+    sort: Annotated[Sort, Query(description="A `-` before it turns the order round.")] = "created",
+) -> ShapePage:  # fmt: skip
+    """All shapes, or those that the filters let pass; `total` is how many these are."""
+    filters = Filters(
+        label=label, tags=tuple(tag or ()), state=state, sha256=sha256, text=text, unlabelled=unlabelled
+    )
     with here.database.read() as conn:
         opened = open_collection(conn, principal, collection)
-        page = shapes.list_page(conn, opened.id, filters, limit=limit, cursor=cursor)
-        return PageOf(items=shape_values(conn, opened, page.items), next=page.next)
+        page = shapes.list_page(conn, opened.id, filters, limit=limit, cursor=cursor, sort=sort)
+        total = shapes.count(conn, opened.id, filters)
+        return ShapePage(items=shape_values(conn, opened, page.items), next=page.next, total=total)
 
 
 @router.get("/collections/{collection}/shapes/{shape}", operation_id="getShape", summary="A shape")
@@ -157,6 +168,9 @@ def update_shape(
     status_code=204,
 )
 def delete_shape(here: Here, principal: Writer, collection: CollectionPath, shape: IdPath) -> None:
-    """The shape and all that was learnt of it; what is queued for it is cancelled."""
+    """The shape and all that was learnt of it; what is queued for it is cancelled.
+
+    For a day it can be restored; to everything else it is gone at once.
+    """
     with here.database.write() as conn:
         shapes.delete(conn, open_collection(conn, principal, collection).id, shape)

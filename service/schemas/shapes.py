@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, model_validator
 
-from service.schemas.common import Body, ErrorValue, Metadata, Moment, Text, Triple, Value
+from service.schemas.common import Body, ErrorValue, Metadata, Moment, PageOf, Text, Triple, Value
 from service.schemas.tasks import TaskValue
 
 __all__ = [
-    "Attributes", "FeaturesValue", "FieldValue", "HealthValue", "ShapePatch", "ShapeValue", "SkeletonValue",
-    "UploadValue",
+    "Attributes", "FeaturesValue", "FieldValue", "HealthValue", "ShapePage", "ShapePatch", "ShapeValue",
+    "SkeletonValue", "UploadValue",
 ]  # fmt: skip
 
 
@@ -67,6 +67,12 @@ class ShapeValue(Value):
     error: ErrorValue | None = Field(description="Why it failed.")
     created_at: Moment
     updated_at: Moment
+
+
+class ShapePage(PageOf[ShapeValue]):
+    """A page of shapes, and how many the filters let pass."""
+
+    total: int
 
 
 class UploadValue(Value):
