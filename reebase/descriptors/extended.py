@@ -3,7 +3,8 @@
 The idea: heat put at a point stays longest at the tip of a limb, so limbs end at the maxima of the auto diffusion
 field (Gebal, Baerentzen, Aanaes, Larsen, "Shape Analysis Using the Auto Diffusion Function", SGP 2009), and how far
 one must go down from one to reach a higher one, its persistence, tells a limb from a bump. At each, the heat
-kernel signature at many times says what the limb is like, from its tip to the whole body.
+kernel signature at many times says what the limb is like, from its tip to the whole body, and the moments of the
+normals whether it is a plate, a tube or a ball.
 Use it wherever ``srg`` is used: it is still a matching of limbs with limbs that can be shown pair by pair, its
 endpoints do not come and go with the pose, and it ranks far better.
 """
@@ -15,23 +16,29 @@ import numpy.typing as npt
 
 from reebase.descriptors.hks import TIMES, log_heat
 from reebase.descriptors.maxima import Maxima, persistent_maxima
+from reebase.descriptors.moments import moments_at, spread_points
 from reebase.descriptors.surface import Surface
-from reebase.spectrum.signatures import heat_kernel_signature
+from reebase.spectrum.signatures import heat_kernel_signature, wave_kernel_signature
 
 __all__ = ["LEAST", "TIME", "describe", "endpoints", "place"]
 
-TIME = 0.03
+Array = npt.NDArray[np.float64]
+
+TIME = 0.05
 """Time of the auto diffusion field over the area."""
 
-LEAST = 0.05
-"""Persistence in nats below which a maximum is no endpoint: 5 % more heat than at the pass to a higher one."""
+LEAST = 0.02
+"""Persistence in nats below which a maximum is no endpoint: 2 % more heat than at the pass to a higher one."""
 
-CHARGES = (0.25, 1.5)
-"""The charge is the persistence in nats within these: dearer ones would drown what the features say."""
+CHARGE = 1.5
+CHARGES = (0.6, 1.5)
+"""The charge is ``CHARGE`` times the persistence in nats, within these: dearer ones would drown what the features say,
+and cheaper ones let limbs that differ stay alone."""
 
-MEAN = 0.5
-"""Weight of the shape's mean signature beside the endpoint's own. Each is a root mean square over the times, in nats,
-and so on a scale that is the same in every collection."""
+OWN = {"heat": 0.75, "spread": 2.0, "facing": 2.0}
+SHARED = {"spread": 2.0, "extent": 0.5, "bulge": 2.0, "waves": 0.75}
+"""Weights of the features of the endpoint and of the shape. Each is a root mean square over the times or energies, in
+nats or in ratios, and so on a scale that is the same in every collection."""
 
 
 def endpoints(surface: Surface) -> Maxima:
@@ -43,20 +50,49 @@ def endpoints(surface: Surface) -> Maxima:
     return persistent_maxima(surface.body, field, LEAST)
 
 
-def place(surface: Surface) -> npt.NDArray[np.float64]:
+def place(surface: Surface) -> Array:
     """Where the endpoints lie, in the order of the rows of ``describe``, float64, (k, 3)."""
     return surface.body.vertices[endpoints(surface).vertices]
 
 
-def describe(surface: Surface) -> npt.NDArray[np.float64]:
-    """omega of each endpoint, most persistent first, float64, (k, 33), k >= 1.
+def describe(surface: Surface) -> Array:
+    """omega of each endpoint, most persistent first, float64, (k, 99), k >= 1.
 
-    16 columns: log heat kernel signature at the endpoint less its area-weighted mean; 16: half that mean, the same in
-    each row; all over sqrt(16); the last: the charge of the endpoint when it stays unmatched.
+    Of the endpoint: log heat kernel signature less its area-weighted mean, 16 columns; square roots of the eigenvalues
+    of the normals' moments, 18, which are cosines as the mean normal is; length of the mean normal, 6. Of the shape,
+    the same in each row: the means over the surface of these square roots, 18, of the extents, 18, and of the bulge,
+    6; the standard deviation of the wave kernel signature at each energy, 16. The last column: the charge of the
+    endpoint when it stays unmatched.
     """
     found = endpoints(surface)
     heat = log_heat(surface)
-    mean = surface.weights @ heat
-    own = (heat[found.vertices] - mean) / np.sqrt(len(TIMES))
-    shared = np.broadcast_to(MEAN * mean / np.sqrt(len(TIMES)), own.shape)
-    return np.column_stack([own, shared, np.clip(found.persistence, *CHARGES)])
+    at = moments_at(surface, found.vertices)
+    around = moments_at(surface, spread_points(surface))
+    own = {
+        "heat": (heat[found.vertices] - surface.weights @ heat) / np.sqrt(len(TIMES)),
+        "spread": _mean_square(np.sqrt(at.spread)),
+        "facing": _mean_square(at.facing),
+    }
+    shared = {
+        "spread": _mean_square(np.sqrt(around.spread).mean(axis=0, keepdims=True)),
+        "extent": _mean_square(around.extent.mean(axis=0, keepdims=True)),
+        "bulge": _mean_square(around.bulge.mean(axis=0, keepdims=True)),
+        "waves": _waves(surface),
+    }
+    of_shape = np.hstack([weight * shared[name] for name, weight in SHARED.items()])
+    return np.column_stack([
+        *(weight * own[name] for name, weight in OWN.items()),
+        np.broadcast_to(of_shape, (len(found.vertices), of_shape.shape[1])),
+        np.clip(CHARGE * found.persistence, *CHARGES),
+    ])  # fmt: skip
+
+
+def _mean_square(values: Array) -> Array:
+    """Rows whose Euclidean distance is the root mean square over the times, (k, 6, ...) -> (k, ...)."""
+    return np.asarray(values.reshape(len(values), -1) / np.sqrt(values.shape[1]))
+
+
+def _waves(surface: Surface) -> Array:
+    """How unevenly waves of each energy spread over the surface, (1, 16)."""
+    waves = wave_kernel_signature(surface.spectrum())
+    return np.asarray(np.sqrt(surface.weights @ (waves - 1.0) ** 2)[None] / np.sqrt(waves.shape[1]))

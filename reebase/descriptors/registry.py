@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, rgpd, sh, shape_dna, srg, views, wks
+from reebase.descriptors import d2, extended, gps, hks, moments, rgpd, sh, shape_dna, srg, views, wks
 from reebase.descriptors.surface import Surface, surface_of
 from reebase.descriptors.vectors import VECTORS
 from reebase.descriptors.views import VIEWS
@@ -88,13 +88,15 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
     for descriptor in (
         Descriptor("srg", "Endpoints of the spectral Reeb graph, compared by D.",
                    srg.describe, ENDPOINTS, tuple(MEASURES)),
-        Descriptor("extended", "Endpoints of the auto diffusion field with heat signatures, compared by D.",
-                   extended.describe, CHARGED, ("matching",), place=extended.place),
+        Descriptor("extended", "Limbs: maxima of the auto diffusion field, what surrounds them; compared by D.",
+                   extended.describe, CHARGED, ("matching",), place=extended.place, version=2),
         Descriptor("rgpd", "Endpoints of the Reeb graph of geodesic distance, compared by D.",
                    rgpd.describe, ENDPOINTS, tuple(MEASURES)),
         Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, VECTORS, ("l2", "l1")),
-        Descriptor("hks", "Quantiles of the heat kernel signature.", hks.describe, VECTORS, ("l1", "l2")),
-        Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2")),
+        Descriptor("moments", "How flat, round and bulging the surface is around its points.",
+                   moments.describe, VECTORS, ("l1", "l2")),
+        Descriptor("hks", "Quantiles of the heat kernel signature.", hks.describe, VECTORS, ("l1", "l2"), version=2),
+        Descriptor("wks", "Quantiles of the wave kernel signature.", wks.describe, VECTORS, ("l1", "l2"), version=2),
         Descriptor("gps", "Distances in the global point signature.", gps.describe, VECTORS, ("l1", "l2")),
         Descriptor("d2", "Distances between points of the surface.", d2.describe, VECTORS, ("l1", "l2")),
         Descriptor("sh", "Spherical harmonics of the surface in shells round its centroid.",

@@ -18,10 +18,6 @@ from reebase.spectrum.signatures import wave_kernel_signature
 
 __all__ = ["describe"]
 
-EIGENPAIRS = 100
-"""Unlike heat, waves of high frequency count: with a third of them it ranks clearly worse."""
-
-
 def describe(surface: Surface) -> npt.NDArray[np.float64]:
     """Ten area-weighted quantiles of w(., e) at each of 16 energies, float64, (160,), quantile by quantile."""
-    return weighted_quantiles(wave_kernel_signature(surface.spectrum(EIGENPAIRS)), surface.weights).ravel()
+    return weighted_quantiles(wave_kernel_signature(surface.spectrum()), surface.weights).ravel()

@@ -41,18 +41,20 @@ def as_charged(value: npt.ArrayLike, name: str = "endpoints") -> Array:
 def charged_matrix(shapes: Sequence[npt.ArrayLike], progress: Callable[[float], None] | None = None) -> Array:
     """D of all pairs of sets of endpoints, float64, (n, n), symmetric to the bit, zero diagonal.
 
-    D = min over partial one-to-one pairings of the sum of Phi over the pairs and of the charges of all that stay
-    alone, on either side: a pair whose Phi is above both charges together is never made. A metric on finite multisets:
-    add to each set as many copies of one point "nothing", at distance c from an endpoint of charge c and 0 from
-    itself, as the other has endpoints. min(Phi, c + c~) with these is a metric, since |c - c~| <= Phi, and D is the
-    least cost of a bijection under it.
+    D^2 = min over partial one-to-one pairings of the sum of Phi^2 over the pairs and of the squared charges of all that
+    stay alone, on either side: a pair whose Phi^2 is above both squares together is never made. Squares let one limb
+    that differs much count for more than many that differ a little, which pose and tessellation cause. A metric on
+    finite multisets, the Wasserstein distance of order 2: add to each set as many copies of one point "nothing", at
+    distance c from an endpoint of charge c and 0 from itself, as the other has endpoints. min(Phi, c + c~) with these
+    is a metric, since |c - c~| <= Phi, and D is the least root of summed squares over the bijections.
     progress: called with the fraction of the work that is done, after each row. Raises ParameterError.
     """
     return CHARGED.matrix(shapes, "matching", progress)
 
 
 def match_charged(first: npt.ArrayLike, second: npt.ArrayLike) -> Match:
-    """D of two sets of endpoints with its parts: pairs and their Phi, and who stayed alone at what charge.
+    """D of two sets of endpoints with its parts, whose squares add up to its square: pairs and their Phi, and who
+    stayed alone at what charge.
 
     The dissimilarity has the bits of ``charged_matrix``. Indices are rows of the arguments. Raises ParameterError.
     """
@@ -70,6 +72,7 @@ def match_charged(first: npt.ArrayLike, second: npt.ArrayLike) -> Match:
         tuple(Pair(i, j, float(np.linalg.norm(a[i] - b[j]))) for i, j in pairs),
         _alone(a, {i for i, _ in pairs}),
         _alone(b, {j for _, j in pairs}),
+        "The squares of the parts add up to the square of the dissimilarity.",
     )  # fmt: skip
 
 

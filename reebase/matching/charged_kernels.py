@@ -17,11 +17,11 @@ __all__ = ["one_to_many", "one_to_one"]
 
 
 @njit(cache=True, nogil=True)
-def _distance(first: Any, i: int, second: Any, j: int) -> float:
+def _squared(first: Any, i: int, second: Any, j: int) -> float:
     total = 0.0
     for k in range(first.shape[1]):
         total += (first[i, k] - second[j, k]) ** 2
-    return float(np.sqrt(total))
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -40,28 +40,28 @@ def _order(first: Any, second: Any) -> int:
 def _optimal(rows: Any, columns: Any, partner: Any) -> float:
     """D for n <= m; partner[i] = column of row i, -1 when it stays alone.
 
-    Each row may also take one of n further columns, which stand for staying alone. The charge of a column is saved
-    when a row takes it; the sum is then taken from the parts, since differences have lost digits.
+    Each row may also take one of n further columns, which stand for staying alone. The squared charge of a column is
+    saved when a row takes it; the sum is then taken from the parts, since differences have lost digits.
     """
     n, m = len(rows), len(columns)
     last = rows.shape[1] - 1
     cost = np.empty((n, m + n))
     for i in range(n):
         for j in range(m):
-            cost[i, j] = _distance(rows, i, columns, j) - columns[j, last]
+            cost[i, j] = _squared(rows, i, columns, j) - columns[j, last] ** 2
         for j in range(n):
-            cost[i, m + j] = rows[i, last]
+            cost[i, m + j] = rows[i, last] ** 2
     integers = np.empty((5, m + n), np.int64)
     assign(cost, n, m + n, np.empty((3, m + n)), integers)
     total = 0.0
     for i in range(n):
         j = integers[0, i]
         partner[i] = j if j < m else -1
-        total += _distance(rows, i, columns, j) if j < m else rows[i, last]
+        total += _squared(rows, i, columns, j) if j < m else rows[i, last] ** 2
     for j in range(m):
         if integers[1, j] < 0:
-            total += columns[j, last]
-    return total
+            total += columns[j, last] ** 2
+    return float(np.sqrt(total))
 
 
 @njit(cache=True, nogil=True)

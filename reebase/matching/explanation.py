@@ -44,7 +44,8 @@ class Match:
     pairs: by ``first``, then ``second``. unmatched_first, unmatched_second: by ``endpoint``.
     Distances and charges add up to D for ``matching``, ``greedy`` and ``literal``, and to max(n1, n2) D for
     ``matching_mean``. For ``literal`` the pairs are all pairs, since these are the terms of its sum; it
-    charges nothing, so where one side is empty the other is listed as unmatched at charge 0.
+    charges nothing, so where one side is empty the other is listed as unmatched at charge 0. Of endpoints that carry
+    their own charge the squares of the parts add up to the square of D.
     note: what a reader must know about this measure's parts, or None.
     """
 

@@ -1,15 +1,17 @@
 """``fused``: one dissimilarity out of several descriptors' (METHOD §6).
 
-The idea: distances of different descriptors have no common unit, and which of them means something depends on the
-collection. Each is therefore measured in units of what lies around the two shapes compared (self-tuning scales,
-Zelnik-Manor and Perona, "Self-Tuning Spectral Clustering", NIPS 2004), and turned into a similarity that only nearness
-raises: a descriptor that sees two shapes far apart has nothing to say, and one that sees them near has.
+The idea: distances of different descriptors have no common unit, and how much one means differs from shape to shape: in
+a crowd a small distance says little. Each is therefore measured in units of what lies around the two shapes compared
+(self-tuning scales, Zelnik-Manor and Perona, "Self-Tuning Spectral Clustering", NIPS 2004); then they are added.
+A descriptor to which all shapes of a collection look about equally far, as bent shapes do to ``views``, adds
+about the same to all of them, and so has little to say: nothing needs to find out whether it is of use.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +24,10 @@ __all__ = ["PARTS", "REFERENCES", "Fused", "Statistics", "fuse", "fused_matrix",
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Array]
 
-PARTS: tuple[str, ...] = ("extended", "hks", "wks", "d2")
-"""Names of the descriptors that are fused, each by its default measure."""
+WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0, "wks": 1.0, "views": 2.0})
+"""The descriptors that are fused, each by its default measure, and what each counts."""
+
+PARTS: tuple[str, ...] = tuple(WEIGHTS)
 
 REFERENCES = 512
 """Shapes of a collection from which scales are taken; of a smaller collection all."""
@@ -50,7 +54,8 @@ class Statistics:
 
 
 class Fused(NamedTuple):
-    """dissimilarities: >= 0, in nats, float64, (n,). shares: part -> its share of the similarity, (n,), in all 1."""
+    """dissimilarities: >= 0, about 1 to the nearest of a shape, float64, (n,). shares: part -> its share of the
+    similarity, (n,), in all 1."""
 
     dissimilarities: Array
     shares: Mapping[str, Array]
@@ -86,16 +91,17 @@ def fuse(distances: Rows, own: Mapping[str, float], collection: Statistics) -> F
     """The fused dissimilarity of a query to n shapes.
 
     distances: part -> (n,). own: the query's scales, its own row of ``collection.scales`` where it is one of the
-    shapes. F = -log mean_p exp(-d_p^2 / (s_p s~_p)). Symmetric; 0 where all parts are 0. Raises as ``statistics``.
+    shapes. F = sum_p w_p x_p / sum_p w_p with x_p = d_p / sqrt(s_p s~_p): symmetric, 0 where all parts are 0. The share
+    of a part is w_p exp(-x_p) over the sum of these: how much it has to do with the two being near.
+    Raises as ``statistics``.
     """
     count = len(collection.scales[PARTS[0]])
     _check(distances, (count,))
-    exponents = np.stack([np.square(distances[part]) / (own[part] * collection.scales[part]) for part in PARTS])
-    least = exponents.min(axis=0)
-    kernels = np.exp(least - exponents)
-    total = kernels.sum(axis=0)
-    dissimilarities = np.maximum(least - np.log(total / len(PARTS)), 0.0)
-    return Fused(dissimilarities, dict(zip(PARTS, kernels / total, strict=True)))
+    weights = np.array(list(WEIGHTS.values()))[:, None] / sum(WEIGHTS.values())
+    scaled = np.stack([distances[part] / np.sqrt(own[part] * collection.scales[part]) for part in PARTS])
+    nearness = weights * np.exp(scaled.min(axis=0) - scaled)
+    shares = dict(zip(PARTS, nearness / nearness.sum(axis=0), strict=True))
+    return Fused((weights * scaled).sum(axis=0), shares)
 
 
 def fused_matrix(distances: Rows, collection: Statistics | None = None) -> Array:

@@ -8,6 +8,7 @@ import pytest
 from reebase.descriptors import Surface, descriptor_named
 from reebase.descriptors.extended import LEAST, endpoints
 from reebase.descriptors.maxima import persistent_maxima
+from reebase.descriptors.moments import moments_at, spread_points
 from reebase.mesh import Mesh
 from tests.oracles.persistence import maxima_by_flooding
 from tests.shapes import capsule, grid, icosphere, moved, permuted, torus, voxels
@@ -76,7 +77,7 @@ def test_every_limb_ends_in_one_endpoint(arms):
 def test_a_limb_more_costs_about_its_charge():
     extended = descriptor_named("extended")
     kept = {arms: extended.describe(star(arms)) for arms in (4, 5, 6)}
-    assert [kept[arms].shape for arms in (4, 5, 6)] == [(4, 33), (5, 33), (6, 33)]
+    assert [kept[arms].shape for arms in (4, 5, 6)] == [(4, 99), (5, 99), (6, 99)]
     D = extended.distances(list(kept.values()))
     assert D[0, 1] > kept[5][:, -1].min()
     assert D[0, 2] > max(D[0, 1], D[1, 2])
@@ -88,11 +89,15 @@ def test_its_columns_are_what_they_are_said_to_be():
     values, vectors = surface.spectrum().eigenvalues, surface.spectrum().eigenvectors
     times = np.geomspace(0.002, 0.3, 16)
     trace = np.array([surface.weights @ np.log((vectors**2 * np.exp(-values * t)).sum(axis=1)) for t in times])
-    np.testing.assert_allclose(kept[:, 16:32], np.tile(trace / 8, (3, 1)), rtol=1e-9)
-    top = endpoints(surface).vertices[0]
-    at_top = [np.log((vectors[top] ** 2 * np.exp(-values * t)).sum()) for t in times]
-    np.testing.assert_allclose(kept[0, :16], (at_top - trace) / 4, rtol=1e-9)
-    assert ((kept[:, 32] >= 0.25) & (kept[:, 32] <= 1.5)).all()
+    tips = endpoints(surface).vertices
+    at_top = [np.log((vectors[tips[0]] ** 2 * np.exp(-values * t)).sum()) for t in times]
+    np.testing.assert_allclose(kept[0, :16], 0.75 * (at_top - trace) / 4, rtol=1e-9)
+    at, around = moments_at(surface, tips), moments_at(surface, spread_points(surface))
+    np.testing.assert_allclose(kept[:, 16:34], 2 * np.sqrt(at.spread).reshape(3, 18) / np.sqrt(6), rtol=1e-9)
+    np.testing.assert_allclose(kept[:, 34:40], 2 * at.facing / np.sqrt(6), rtol=1e-9)
+    np.testing.assert_allclose(kept[2, 58:76], 0.5 * around.extent.mean(axis=0).ravel() / np.sqrt(6), rtol=1e-9)
+    np.testing.assert_array_equal(kept[:, 40:98], np.tile(kept[:1, 40:98], (3, 1)))
+    np.testing.assert_allclose(kept[:, 98], np.clip(1.5 * endpoints(surface).persistence, 0.6, 1.5))
 
 
 def test_endpoints_follow_the_shape():

@@ -21,7 +21,7 @@ def drawn(name: str, centre: float) -> np.ndarray:
     if DESCRIPTORS[name].comparison.explain is not None:
         count = RANDOM.integers(2, 6)
         return np.column_stack([centre + 0.1 * RANDOM.normal(size=(count, 4)), RANDOM.uniform(0.2, 1.0, count)])
-    return centre + 0.1 * RANDOM.normal(size=12)
+    return centre + 0.1 * RANDOM.normal(size=(36, 100) if name == "views" else 12)
 
 
 def shapes(ranking, count: int) -> dict[str, dict[str, np.ndarray]]:
