@@ -1,15 +1,19 @@
-"""The plain page, and a reference of the API that needs no script and no other host."""
+"""The page, its files, and a reference of the API that needs no script and no other host."""
 
 from __future__ import annotations
 
+import gzip
+import hashlib
 import html
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import APIRouter
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, Response
+from starlette.responses import HTMLResponse, Response
 
+from service.conditional import unless_unchanged
 from service.errors import RouteNotFound
 from service.problems import catalogue
 
@@ -18,22 +22,54 @@ __all__ = ["router"]
 router = APIRouter(include_in_schema=False)
 
 _PAGE = Path(__file__).resolve().parent.parent / "page"
-_TYPES = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+_TYPES = {".css": "text/css", ".html": "text/html", ".js": "text/javascript", ".svg": "image/svg+xml"}
+
+
+class _File(NamedTuple):
+    plain: bytes
+    packed: bytes
+    etag: str
+    media_type: str
 
 
 @router.get("/")
-def page() -> Response:
-    """The page."""
-    return FileResponse(_PAGE / "index.html", media_type="text/html", headers={"Cache-Control": "no-cache"})
+@router.get("/collections/{rest:path}")
+@router.get("/evaluations")
+@router.get("/evaluations/{rest:path}")
+@router.get("/tasks")
+def page(request: Request) -> Response:
+    """The page: which of its views is shown, its script reads from the address."""
+    return _sent(request, _PAGE / "index.html")
 
 
-@router.get("/page/{name}")
-def part_of_page(name: str) -> Response:
-    """A file of the page: only those that are there, by their plain names."""
-    for path in _PAGE.iterdir():
-        if path.name == name and path.suffix in _TYPES:
-            return FileResponse(path, media_type=_TYPES[path.suffix], headers={"Cache-Control": "no-cache"})
+@router.get("/page/{name:path}")
+def part_of_page(request: Request, name: str) -> Response:
+    """A file of the page: only those that are there, by their plain paths."""
+    for path in _PAGE.rglob("*"):
+        if path.relative_to(_PAGE).as_posix() == name and path.suffix in _TYPES and path.is_file():
+            return _sent(request, path)
     raise RouteNotFound(f"There is nothing at /page/{name[:80]}.")
+
+
+def _sent(request: Request, path: Path) -> Response:
+    """The file, packed for a browser that says it unpacks; not sent again while it has not changed."""
+    file = _read(path, path.stat().st_mtime_ns)
+    packed = "gzip" in request.headers.get("accept-encoding", "")
+    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+
+    def make() -> Response:
+        if packed:
+            headers["Content-Encoding"] = "gzip"
+        return Response(file.packed if packed else file.plain, media_type=file.media_type, headers=headers)
+
+    return unless_unchanged(request, f"{file.etag}-gzip" if packed else file.etag, make)
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, _changed: int) -> _File:
+    plain = path.read_bytes()
+    etag = hashlib.sha256(plain).hexdigest()[:32]
+    return _File(plain, gzip.compress(plain, 9, mtime=0), etag, _TYPES[path.suffix])
 
 
 @router.get("/docs")
@@ -74,7 +110,7 @@ _REFERENCE = """<!doctype html>
   <meta name="color-scheme" content="light dark">
   <title>Reebase: API reference</title>
   <link rel="icon" href="/page/icon.svg" type="image/svg+xml">
-  <link rel="stylesheet" href="/page/page.css">
+  <link rel="stylesheet" href="/page/style/page.css">
 </head>
 <body>
   <header>

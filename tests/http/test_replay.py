@@ -243,7 +243,7 @@ def test_times_are_utc(api: httpx.Client, shelf: str) -> None:
 def test_pages_for_people(api: httpx.Client) -> None:
     page = api.get("/").text
     assert "<script>" not in page and "style=" not in page and "onclick" not in page
-    for path in ("/page/page.js", "/page/page.css", "/page/icon.svg"):
+    for path in ("/page/main.js", "/page/style/page.css", "/page/icon.svg"):
         assert path in page
         assert api.get(path).status_code == 200
     reference = api.get("/docs").text

@@ -1,0 +1,166 @@
+// Which shapes are like this one: the terms of the question, the hits as thumbnails, and why each matched.
+
+import { get, post } from "../parts/api.js";
+import { askByFile, fileOf } from "../parts/asking.js";
+import { empty, field, h, select } from "../parts/dom.js";
+import { picker } from "../parts/drop.js";
+import { follow } from "../parts/follow.js";
+import { thumbnail } from "../parts/pictures.js";
+import { failure, go, path, remember, withQuery } from "../parts/router.js";
+import { choices } from "../parts/choices.js";
+import { count, digits, explained, flagWords, taskWords } from "../parts/words.js";
+
+const TERMS = ["descriptor", "rerank", "measure", "tolerance", "k", "label"];
+
+export async function show(view) {
+  const { collection } = view.params;
+  const { shape, task } = view.query;
+  const results = h("div", { class: "results" });
+  if (!shape && !task) {
+    view.title("Find similar");
+    view.root.append(heading(collection, "Find similar"), empty("Which mesh shall others be like?", "Drop a mesh here; it is not kept. Or open a shape and choose “Find similar”.",
+      picker("Pick a mesh", ([file]) => askByFile(collection, file), { multiple: false })));
+    return;
+  }
+  const asked = await (shape ? byShape(view, shape) : byTask(view, task, results));
+  if (!asked || view.signal.aborted) return;
+  const { answer, name, source } = asked;
+  view.title(`Like ${name}`);
+  view.root.replaceChildren(heading(collection, `Like ${name}`, source), await terms(view, answer, shape, task), compare(), results);
+  fill(view, results, answer, source);
+}
+
+function heading(collection, title, source) {
+  return h("header", { class: "heading" },
+    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /",
+      source?.shape && [" ", h("a", { href: path`/collections/${collection}/shapes/${source.shape.id}` }, source.shape.name), " /"]),
+    h("div", { class: "asked" }, source && thumbnail(`${source.address}/thumbnail`), h("h1", {}, title)));
+}
+
+const compare = () => h("section", { id: "compare", "aria-label": "Why it matched", hidden: true });
+
+/** What the address says of the question; what it leaves out has the service's default. */
+function termsOf(query) {
+  const given = Object.fromEntries(TERMS.filter((name) => query[name] !== undefined).map((name) => [name, query[name]]));
+  for (const name of ["k", "tolerance"]) if (given[name] !== undefined) given[name] = given[name] === "any" ? null : Number(given[name]);
+  if (given.rerank !== undefined) given.rerank = given.rerank === "true";
+  return given;
+}
+
+async function byShape(view, id) {
+  const address = path`/v1/collections/${view.params.collection}`;
+  const [answer, shape] = await Promise.all([
+    post(`${address}/query`, { k: 12, ...termsOf(view.query), shape: id }, view.signal),
+    get(`${address}/shapes/${encodeURIComponent(id)}`, view.signal),
+  ]);
+  return { answer, name: shape.name, source: { address: `${address}/shapes/${encodeURIComponent(id)}`, shape } };
+}
+
+/** A mesh that is not kept: its task holds the answer, and shows how far it is until then. */
+async function byTask(view, id, results) {
+  const name = view.query.name ?? "this mesh";
+  const bar = h("progress", { max: 1, "aria-label": "Progress" });
+  const text = h("p", { class: "quiet", role: "status" }, "waiting");
+  view.title(`Like ${name}`);
+  view.root.append(heading(view.params.collection, `Like ${name}`), h("section", { class: "empty" }, h("h2", {}, "Looking for shapes like it"), bar, text));
+  const task = await follow(id, (now) => { bar.value = now.progress.fraction; text.textContent = taskWords(now); }, view.signal);
+  if (task.state === "succeeded") return { answer: task.result, name, source: { address: path`/v1/tasks/${id}`, task: id } };
+  const error = task.error ?? { detail: `The task was ${task.state}.` };
+  view.root.replaceChildren(heading(view.params.collection, `Like ${name}`),
+    empty("This mesh could not be compared", explained(error), picker("Pick another mesh", ([file]) => askByFile(view.params.collection, file), { multiple: false })));
+  results.remove();
+  return null;
+}
+
+/** The pickers; what they offer is what the API offers. */
+async function terms(view, answer, shape, task) {
+  const offered = await choices(view.signal);
+  const { query } = answer;
+  const file = task && fileOf(task);
+  const ask = (values) => {
+    const next = { ...view.query, hit: undefined, ...values };
+    if (shape) return go(withQuery(location.pathname, next), { replace: true });
+    return askByFile(view.params.collection, file, { k: 12, ...termsOf(next) }, true);
+  };
+  const on = (name) => (event) => ask({ [name]: event.target.value });
+  const tolerances = [["0", "the same number"], ["1", "one more or less"], ["2", "two more or less"], ["3", "three more or less"], ["any", "any number"]];
+  const descriptor = query.descriptor ?? offered.descriptor;
+  const measures = offered.measuresOf(descriptor);
+  return h("fieldset", { class: "terms", disabled: Boolean(task && !file) }, h("legend", { class: "unseen" }, "Terms of the question"),
+    offered.descriptors.length > 1 && field("Compare by", select(offered.descriptors.map((one) => [one.name, one.title ?? one.name]), descriptor,
+      { onchange: (event) => ask({ descriptor: event.target.value, measure: undefined }), title: offered.descriptors.find((one) => one.name === descriptor)?.description })),
+    measures.length > 0 && field("Measure", select(measures.map((one) => [one.name, one.name.replaceAll("_", " ")]), query.measure,
+      { onchange: on("measure"), title: measures.find((one) => one.name === query.measure)?.description })),
+    field("Endpoints", select(tolerances, query.tolerance === null ? "any" : String(query.tolerance), { onchange: on("tolerance") })),
+    field("Hits", select([["6", "6"], ["12", "12"], ["24", "24"], ["48", "48"]].concat(["6", "12", "24", "48"].includes(String(query.k)) ? [] : [[String(query.k), String(query.k)]]), String(query.k), { onchange: on("k") })),
+    field("Only the label", h("input", { value: view.query.label ?? "", placeholder: "any", onchange: on("label") })),
+    offered.rerank && h("label", { class: "check" }, h("input", { type: "checkbox", checked: Boolean(query.rerank),
+      onchange: (event) => ask({ rerank: String(event.target.checked) }) }), "re-rank by neighbours"),
+    task && !file && h("p", { class: "quiet small" }, "The mesh was not kept: drop it again to ask in other terms."));
+}
+
+function fill(view, results, answer, source) {
+  const { hits, query } = answer;
+  const address = path`/v1/collections/${view.params.collection}/shapes`;
+  const most = Math.max(...hits.map((hit) => hit.dissimilarity), 1e-12);
+  const told = `${hits.length === 0 ? "No hit" : count(hits.length, "hit")} among ${count(answer.considered, "shape")} that were compared; this mesh has ${count(query.endpoint_count, "endpoint")}. ${digits(answer.took_ms, 2)} ms.`;
+  results.append(h("p", { class: "quiet", role: "status" }, told),
+    ...query.flags.map((flag) => h("span", { class: "chip" }, flagWords(flag))),
+    hits.length === 0 ? nothing(view, answer)
+      : h("ol", { class: "cards hits" }, hits.map((hit) => card(hit, address, most, source.shape?.label, (event) => {
+        event.preventDefault();
+        history.pushState(null, "", withQuery(location.pathname, { ...view.query, hit: hit.shape.id }));
+        explain(view, answer, hit, source);
+      }))));
+  const chosen = hits.find((hit) => hit.shape.id === view.query.hit);
+  if (chosen) explain(view, answer, chosen, source);
+}
+
+function nothing(view, answer) {
+  if (answer.query.tolerance === null || answer.query.tolerance === undefined) return empty("Nothing to compare with", "No other shape of this collection is ready, or none passes the filters.");
+  return empty("No shape is close in its number of endpoints", `This one has ${answer.query.endpoint_count}. Let the number differ by more.`,
+    h("button", { type: "button", onclick: () => go(withQuery(location.pathname, { ...view.query, tolerance: "any" }), { replace: true }) }, "Allow any number"));
+}
+
+function card(hit, address, most, label, onclick) {
+  const href = withQuery(location.pathname, { ...Object.fromEntries(new URLSearchParams(location.search)), hit: hit.shape.id });
+  const same = label && hit.shape.label === label;
+  return h("li", { "data-hit": hit.shape.id }, h("a", { class: "card", href, onclick },
+    thumbnail(`${address}/${hit.shape.id}/thumbnail`),
+    h("strong", { title: hit.shape.name }, `${hit.rank}. ${hit.shape.name}`),
+    hit.shape.label && h("span", { class: "quiet small" }, hit.shape.label, same && h("span", { class: "good" }, " ✓ same label")),
+    h("span", { class: "measured small" }, h("span", { class: "number" }, `D = ${digits(hit.dissimilarity, 3)}`),
+      h("meter", { min: 0, max: most, value: hit.dissimilarity, "aria-hidden": "true" })),
+    h("span", { class: "quiet small" }, matchedWords(hit))));
+}
+
+const matchedWords = ({ pairs, unmatched_query: query, unmatched_hit: found }) => (query.length + found.length === 0
+  ? `all ${pairs.length} ends matched` : `${pairs.length} ends matched, ${query.length + found.length} alone`);
+
+let open = null;
+
+/** Show one hit beside the query, above the others. */
+async function explain(view, answer, hit, source) {
+  open?.abort();
+  const mine = (open = new AbortController());
+  view.signal.addEventListener("abort", () => mine.abort());
+  for (const item of view.root.querySelectorAll("[data-hit]")) item.toggleAttribute("data-chosen", item.dataset.hit === hit.shape.id);
+  const place = view.root.querySelector("#compare");
+  place.hidden = false;
+  const close = () => { mine.abort(); place.hidden = true; place.replaceChildren(); remember({ hit: null });
+    for (const item of view.root.querySelectorAll("[data-chosen]")) { item.removeAttribute("data-chosen"); item.querySelector("a").focus(); } };
+  const step = (by) => {
+    const next = answer.hits[hit.rank - 1 + by];
+    return h("button", { type: "button", class: "secondary", disabled: !next, "aria-label": by < 0 ? "The hit before" : "The next hit", onclick: () => {
+      remember({ hit: next.shape.id });
+      explain(view, answer, next, source);
+    } }, by < 0 ? "←" : "→");
+  };
+  try {
+    const { showPair } = await import("./pair.js");
+    await showPair({ place, answer, hit, source, collection: view.params.collection, signal: mine.signal, close, steps: [step(-1), step(1)] });
+    if (!mine.signal.aborted) place.scrollIntoView({ block: "start", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
+  } catch (error) {
+    if (!mine.signal.aborted) place.replaceChildren(failure(error));
+  }
+}
