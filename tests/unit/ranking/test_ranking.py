@@ -117,6 +117,25 @@ def test_a_chain_is_followed():
     assert R[0, 20] < R[0, 59]
 
 
+@pytest.mark.parametrize("size", [2, 3, 5, 20])
+def test_neither_few_relatives_nor_many_are_lost(size):
+    D = distances(clusters(60 // size, size, 0.15), seed=size)
+    label = np.repeat(np.arange(60 // size), size)
+    R = reranked_matrix(fused_matrix(D))
+    before = precision(fused_matrix(D), label)
+    assert before < 1.0
+    assert precision(R, label) >= before
+    assert (R >= 0).all()
+    assert np.isfinite(R).all()
+
+
+def precision(D: np.ndarray, label: np.ndarray) -> float:
+    """Share of relatives among as many of the nearest as a shape has relatives."""
+    size = np.bincount(label)[0]
+    near = np.argsort(D + np.diag(np.full(len(D), np.inf)), axis=1)[:, : size - 1]
+    return float((label[near] == label[:, None]).mean())
+
+
 def test_what_cannot_be_ranked_is_refused():
     with pytest.raises(ParameterError, match=f"no {PARTS[1]}"):
         fused_matrix({PARTS[0]: ALL[PARTS[0]]})
