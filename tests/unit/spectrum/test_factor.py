@@ -1,0 +1,68 @@
+"""The factorisation: solves, counts negative eigenvalues, keeps L sparse, and refuses what is singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.sparse import csr_matrix, diags_array
+
+from reebase.errors import ComputationError
+from reebase.mesh.mesh import Mesh
+from reebase.spectrum import operator
+from reebase.spectrum.factor import Elimination
+from tests.shapes import capsule, grid, icosphere, joined, moved, permuted, tetrahedron, torus
+
+HUB = Mesh(
+    np.vstack([[[0, 0, 1]], np.stack([np.cos(np.arange(600) / 95), np.sin(np.arange(600) / 95), np.zeros(600)], 1)]),
+    [[0, 1 + i, 2 + i] for i in range(599)],
+)
+"""A fan: one vertex beside all others."""
+
+SHAPES = {
+    "tetrahedron": tetrahedron(), "sphere": icosphere(3), "torus": torus(), "square": grid(25, 25), "hub": HUB,
+    "two": joined(icosphere(2), moved(icosphere(2), [3, 0, 0])), "shuffled": permuted(capsule())[0],
+    "one point": Mesh(np.zeros((162, 3)), icosphere(2).faces),
+}  # fmt: skip
+
+
+def stiff(mesh):
+    """The graph's Laplacian, which any mesh has."""
+    edges = np.vstack([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    m = len(mesh.vertices)
+    A = csr_matrix((np.ones(2 * len(edges)), np.vstack([edges, edges[:, ::-1]]).T), shape=(m, m))
+    A.sort_indices()
+    return csr_matrix(diags_array(np.asarray(A.sum(axis=1)).ravel()) - A)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("known", [True, False], ids=["points", "graph"])
+@pytest.mark.parametrize("sigma", [-1e-3, 0.137, 2.2])
+def test_solves_and_counts(name, known, sigma):
+    mesh = SHAPES[name]
+    C, m = stiff(mesh), len(mesh.vertices)
+    factor = Elimination(C, mesh.vertices if known else None).factor(np.full(m, -sigma))
+    random = np.random.default_rng(1)
+    b, scale = random.standard_normal((7, m)), random.uniform(0.5, 2.0, m)
+    x = factor.solve(b, scale) / scale
+    np.testing.assert_allclose(x @ C.toarray() - sigma * x, b * scale, atol=1e-8)
+    assert factor.negative == np.count_nonzero(scipy.linalg.eigvalsh(C.toarray()) < sigma)
+
+
+def test_the_factor_of_a_surface_stays_sparse():
+    """L has O(m log m) entries; m^2 / 2 without an order, and 100 per row by bands."""
+    for mesh in (icosphere(4), permuted(icosphere(4))[0], grid(50, 50)):
+        C = operator(mesh).C
+        for points in (mesh.vertices, None):
+            factor = Elimination(C, points).factor(np.ones(C.shape[0]))
+            assert factor.entries < 80 * C.shape[0]
+
+
+def test_a_hub_does_not_fill_the_factor():
+    assert Elimination(stiff(HUB), HUB.vertices).factor(np.ones(601)).entries < 40 * 601
+
+
+def test_a_vertex_without_neighbours_is_singular():
+    lonely = Mesh(np.concatenate([icosphere(2).vertices, [[9, 9, 9]]]), icosphere(2).faces)
+    with pytest.raises(ComputationError, match="vertex 162"):
+        Elimination(stiff(lonely), lonely.vertices).factor(np.append(np.ones(162), 0.0))
