@@ -31,6 +31,7 @@ from service.routes import (
     denoise,
     drawn,
     evaluations,
+    events,
     operations,
     pages,
     queries,
@@ -50,7 +51,7 @@ DESCRIPTION = (
 
 _ROUTERS: tuple[APIRouter, ...] = (
     collections.router, shapes.router, bulk.router, results.router, drawn.router, queries.router, denoise.router,
-    tasks.router, evaluations.router, about.router, operations.router, pages.router,
+    tasks.router, events.router, evaluations.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import Annotated
 from fastapi import Depends
 from starlette.requests import Request
 
+from service.events import EventHub
 from service.metrics import Metrics
 from service.rates import RateLimiter
 from service.settings import ServiceSettings
@@ -35,6 +36,7 @@ class Context:
     blobs: Blobs
     follower: IndexFollower
     metrics: Metrics
+    events: EventHub
     overview: RecentOverview = field(default_factory=RecentOverview)
     limiter: RateLimiter = field(default_factory=RateLimiter)
     stopping: threading.Event = field(default_factory=threading.Event)
@@ -44,7 +46,8 @@ class Context:
         """Raises what the store raises when its places cannot be used."""
         database = Database(settings.database_url)
         return cls(
-            settings, database, open_blobs(settings), IndexFollower(database), metrics, stopping=stopping
+            settings, database, open_blobs(settings), IndexFollower(database), metrics,
+            EventHub(database, settings.max_streams), stopping=stopping,
         )
 
     def remove_unnamed(self, sha256: str, grace_seconds: float | None = None) -> None:

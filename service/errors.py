@@ -14,6 +14,7 @@ ReebaseError
     ├── UnknownHost            unknown_host
     ├── ForeignOrigin          foreign_origin
     ├── RateLimited            rate_limited
+    ├── TooManyStreams         too_many_streams
     ├── NotReady               not_ready
     ├── RouteNotFound          route_not_found
     ├── MethodNotAllowed       method_not_allowed
@@ -33,7 +34,7 @@ from reebase.errors import ReebaseError
 __all__ = [
     "ClientGone", "ForbiddenScope", "ForeignOrigin", "InvalidKey", "InvalidRequest", "MalformedJson",
     "MalformedMultipart", "MethodNotAllowed", "MissingFile", "MissingKey", "NotReady",
-    "RateLimited", "RequestError", "RouteNotFound", "TaskCancelled", "TaskFailed", "UnknownHost",
+    "RateLimited", "RequestError", "RouteNotFound", "TaskCancelled", "TaskFailed", "TooManyStreams", "UnknownHost",
     "UnsupportedEncoding", "UnsupportedMediaType", "UploadStalled",
 ]  # fmt: skip
 
@@ -123,6 +124,12 @@ class RateLimited(RequestError):
     """Too many requests with this API key; wait before the next."""
 
     code = "rate_limited"
+
+
+class TooManyStreams(RequestError):
+    """As many listen to events as are allowed at once; poll instead, or try again later."""
+
+    code = "too_many_streams"
 
 
 class NotReady(RequestError):

@@ -60,6 +60,7 @@ STATUS: dict[type[library.ReebaseError], int] = {
     http.RateLimited: 429,
     http.TaskCancelled: 409,
     http.NotReady: 503,
+    http.TooManyStreams: 503,
     http.RouteNotFound: 404,
     http.MethodNotAllowed: 405,
     http.UploadStalled: 408,

@@ -30,6 +30,10 @@ class ServiceSettings(Settings):
     """So many connections are served at once; a request beyond is answered 503."""
     max_json_bytes: int = Field(1 << 20, ge=1024)
     max_wait_seconds: float = Field(60.0, ge=0)
+    max_streams: int = Field(64, ge=0)
+    """So many listen to events at once; a further one is answered 503 and polls."""
+    max_stream_seconds: float = Field(600.0, ge=0)
+    """After that a listener connects again, and its key is looked at again."""
     idempotency_seconds: float = Field(86400.0, gt=0)
 
     @field_validator("hosts", mode="before")

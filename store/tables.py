@@ -177,6 +177,11 @@ task = Table(
         "task_leases", "lease_until",
         sqlite_where=text("state = 'running'"), postgresql_where=text("state = 'running'"),
     ),
+    # What ended lately, for those who watch.
+    Index(
+        "task_by_end", "finished_at",
+        sqlite_where=text("finished_at IS NOT NULL"), postgresql_where=text("finished_at IS NOT NULL"),
+    ),
     Index("task_by_shape", "shape_id"),
     # The latest of a kind in a collection, however many shapes were described since.
     Index("task_by_collection", "collection_id", "kind", "id"),

@@ -39,7 +39,7 @@ from store.tables import task as table
 
 __all__ = [
     "DatabaseQueue", "Heartbeat", "TaskQueue", "cancel", "cancel_live", "cancelled", "describe_anew", "enqueue", "fail",
-    "get", "list_page", "release_all", "retry", "succeed", "task_of_row",
+    "get", "has_state", "list_page", "release_all", "retry", "succeed", "task_of_row",
 ]  # fmt: skip
 
 Heartbeat = Literal["ok", "cancel", "lost"]
@@ -272,10 +272,10 @@ class DatabaseQueue:
         Queries first, then the oldest. Before that, tasks whose lease ended are taken from their
         workers: back into the queue, or failed as ``worker_died`` at the last allowed crash.
         """
-        waiting = _is("queued")
+        waiting = has_state("queued")
         if kinds is not None:
             waiting = and_(waiting, table.c.kind.in_(list(kinds)))
-        expired = and_(_is("running"), table.c.lease_until < now())
+        expired = and_(has_state("running"), table.c.lease_until < now())
         with self._database.read() as conn:
             # An idle worker polls: it must not take the write lock for nothing.
             if not conn.execute(select(or_(exists().where(waiting), exists().where(expired)))).scalar_one():
@@ -330,7 +330,8 @@ class DatabaseQueue:
         ]
 
 
-def _is(state: str) -> ColumnElement[bool]:
+def has_state(state: str) -> ColumnElement[bool]:
+    """Whether a task is in that state, in the words that partial indexes are found by."""
     # Written out and not bound: SQLite uses a partial index only where its condition stands in the statement,
     # and an idle worker that polls must not walk through the tasks of years.
     return table.c.state == bindparam("state", state, literal_execute=True, unique=True)

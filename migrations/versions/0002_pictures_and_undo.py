@@ -169,6 +169,8 @@ def _task(schema: str) -> None:
     )
     op.create_index("task_by_blob", "task", ["blob"], **_where("blob IS NOT NULL"))
     latest = ["kind", "id"] if schema == "0002" else []
+    if latest:
+        op.create_index("task_by_end", "task", ["finished_at"], **_where("finished_at IS NOT NULL"))
     op.create_index("task_by_collection", "task", ["collection_id", *latest])
     op.create_index("task_by_shape", "task", ["shape_id"])
     op.create_index("task_leases", "task", ["lease_until"], **_where("state = 'running'"))

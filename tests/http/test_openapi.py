@@ -50,7 +50,7 @@ class Fuzzed:
 def fuzzed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fuzzed]:
     """Two indexed shapes and an evaluation, by a worker that is gone: what the fuzzing queues stays queued."""
     home = tmp_path_factory.mktemp("fuzzed")
-    with api_alone(home, max_wait_seconds=0.05) as served, served.client() as client:
+    with api_alone(home, max_wait_seconds=0.05, max_stream_seconds=0.05) as served, served.client() as client:
         # Not the document's own example, which is fuzzed with, and deleted.
         for name in ("zoo", "changing"):
             client.post("/v1/collections", json={"name": name}).raise_for_status()
