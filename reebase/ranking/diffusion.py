@@ -17,14 +17,15 @@ from reebase.errors import ParameterError
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-__all__ = ["CANDIDATES", "rerank", "reranked_matrix"]
+__all__ = ["CANDIDATES", "UNREACHED", "rerank", "reranked_matrix"]
 
 Array = npt.NDArray[np.float64]
 
-CANDIDATES = 500
-"""The nearest shapes of a large collection among which a query is re-ranked; of a smaller collection all."""
+CANDIDATES = 256
+"""The nearest shapes of a large collection among which a query is re-ranked; of a smaller collection all. Among 700
+shapes of 19 classes mean average precision is 0.004 lower than with all of them."""
 
-NEIGHBOURS = 7
+NEIGHBOURS = 8
 """Of each shape in the graph, itself included."""
 
 NEAR = 0.6

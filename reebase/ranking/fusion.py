@@ -29,11 +29,14 @@ WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0
 
 PARTS: tuple[str, ...] = tuple(WEIGHTS)
 
-REFERENCES = 512
-"""Shapes of a collection from which scales are taken; of a smaller collection all."""
+REFERENCES = 256
+"""Shapes of a collection from which scales are taken; of a smaller collection all. They must be a fair sample: shapes
+come class by class."""
 
 NEAREST = 10
-"""Nearest references whose mean distance is the scale of a shape."""
+SHARE = 15
+"""The scale of a shape is its mean distance to its nearest references: one in 15 of them, and at least ten. Larger
+collections tend to have larger classes; below ten the scale is that of the nearest relative, and noise."""
 
 SMALLEST = 1e-12
 """Scales below this count as this: copies of one shape are at distance 0 from one another."""
@@ -121,7 +124,7 @@ def fused_matrix(distances: Rows, collection: Statistics | None = None) -> Array
 
 def _scales(rows: Array) -> Array:
     """Mean of the nearest in each row, those at infinity left out; 1 where there is none."""
-    near = np.sort(rows, axis=1)[:, :NEAREST]
+    near = np.sort(rows, axis=1)[:, : max(NEAREST, rows.shape[1] // SHARE)]
     present = np.isfinite(near)
     total = np.where(present, near, 0.0).sum(axis=1)
     count = present.sum(axis=1)

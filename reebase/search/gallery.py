@@ -15,6 +15,7 @@ from reebase.matching import Stack
 from reebase.ranking import (
     CANDIDATES,
     REFERENCES,
+    UNREACHED,
     Ranking,
     Statistics,
     fuse,
@@ -221,7 +222,7 @@ class Gallery:
             if place is not None and place not in chosen:
                 chosen[-1] = place
         pairs = self._pairs(chosen)
-        out = 1.0 + fused
+        out = UNREACHED + fused
         if place is None:
             bordered = np.zeros((len(chosen) + 1, len(chosen) + 1))
             bordered[:-1, :-1] = pairs
