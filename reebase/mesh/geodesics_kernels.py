@@ -76,24 +76,28 @@ def _rise(heap: npt.NDArray[np.int32], place: npt.NDArray[np.int32], out: npt.ND
 
 @njit(cache=True, nogil=True)
 def march(
-    at: npt.NDArray[np.float64], starts: npt.NDArray[np.int32], ring: npt.NDArray[np.int32], source: int,
-    out: npt.NDArray[np.float64],
+    at: npt.NDArray[np.float64], starts: npt.NDArray[np.int32], ring: npt.NDArray[np.int32],
+    sources: npt.NDArray[np.int64], reach: float, out: npt.NDArray[np.float64],
 ) -> None:  # fmt: skip
-    """out[v] = length of a shortest way from ``source`` to vertex v, infinite where there is none.
+    """out[v] = length of a shortest way from the nearest source to vertex v, infinite where that exceeds ``reach``.
 
-    starts, ring: for each vertex the two other corners of each of its triangles, in compressed rows.
+    sources: each once. starts, ring: of each vertex the two other corners of each of its triangles, in compressed rows.
     """
     count = len(at)
     out[:] = np.inf
-    out[source] = 0.0
     settled = np.zeros(count, np.bool_)
     heap = np.empty(count, np.int32)  # of vertices, the nearest first
     place = np.full(count, -1, np.int32)
-    heap[0] = source
-    place[source] = 0
-    size = 1
+    size = 0
+    for source in sources:
+        out[source] = 0.0
+        heap[size] = source
+        place[source] = size
+        size += 1
     while size:
         vertex = heap[0]
+        if out[vertex] > reach:
+            break
         settled[vertex] = True
         size -= 1
         _sink(heap, place, out, size)
@@ -114,6 +118,9 @@ def march(
                     continue
                 out[end] = found
                 if place[end] < 0:
+                    heap[size] = end
                     place[end] = size
                     size += 1
                 _rise(heap, place, out, end)
+    for k in range(size):
+        out[heap[k]] = np.inf

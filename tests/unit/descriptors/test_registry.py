@@ -46,7 +46,7 @@ def test_distances_are_those_of_the_pairs(name):
         D = descriptor.distances(kept, measure)
         assert D.shape == (4, 4)
         assert (D >= 0).all()
-        if measure not in ("greedy", "literal"):
+        if measure != "literal" and measure not in descriptor.comparison.one_sided:
             np.testing.assert_array_equal(D, D.T)
             np.testing.assert_array_equal(np.diag(D), 0.0)
             assert (D[~np.eye(4, dtype=bool)] > 0).all()
@@ -91,8 +91,9 @@ def test_neither_motion_nor_scale_nor_order_makes_it_another_shape(name):
     apart = descriptor.compare(kept[0], kept[1])
     copy = permuted(moved(SHAPES[0], (3, -2, 1), scale=25.4, seed=4), seed=7)[0]
     # d2 and gps look at a sample of points, which follows the order of the faces; phi_2 is iterated to 1e-5; of points
-    # that are equally far, as on this shape, which is its own mirror image, rounding decides which one rgpd takes.
-    exact = {"srg": 1e-3, "rgpd": 0.05}.get(name, 1e-6)
+    # that are equally far, as on this shape, which is its own mirror image, rounding decides which one rgpd and
+    # patches take.
+    exact = {"srg": 1e-3, "rgpd": 0.05, "patches": 0.3}.get(name, 1e-6)
     allowed = 0.1 if name in ("d2", "gps") else exact
     assert descriptor.compare(kept[0], descriptor.describe(copy)) < allowed * apart
     same_order = moved(SHAPES[0], (3, -2, 1), scale=25.4, seed=4)

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from reebase.errors import ParameterError
 from reebase.mesh import Mesh
-from reebase.mesh.geodesics import farthest_points, geodesic_distances
+from reebase.mesh.geodesics import distance_to, farthest_points, geodesic_distances
 from reebase.mesh.topology import edges
 from tests.shapes import capsule, cylinder, grid, icosphere, joined, moved, torus
 
@@ -71,6 +71,35 @@ def test_points_are_spread():
     np.testing.assert_array_equal(spread.nearest[spread.vertices], np.arange(4))
     np.testing.assert_array_equal(spread.distances, geodesic_distances(mesh, spread.vertices))
     assert len(farthest_points(icosphere(0), 100).vertices) == 12
+
+
+def test_points_keep_clear():
+    mesh = grid(20, 20)
+    clear = np.minimum(mesh.vertices[:, :2], 1 - mesh.vertices[:, :2]).min(axis=1)
+    first = farthest_points(mesh, 5, clear=clear).vertices
+    np.testing.assert_allclose(mesh.vertices[first[0], :2], 0.5)
+    assert clear[first].min() >= 0.2
+
+
+def test_within_reach_nothing_changes_and_beyond_is_infinite():
+    mesh = torus()
+    whole, near = geodesic_distances(mesh, [3, 50]), geodesic_distances(mesh, [3, 50], reach=0.8)
+    np.testing.assert_array_equal(near, np.where(whole <= 0.8, whole, np.inf))
+    spread, local = farthest_points(mesh, 20), farthest_points(mesh, 20, reach=0.3)
+    np.testing.assert_array_equal(local.vertices, spread.vertices)
+    np.testing.assert_array_equal(local.nearest, spread.nearest)
+    known = np.isfinite(local.distances)
+    assert known[spread.distances <= 0.3].all()
+    np.testing.assert_array_equal(local.distances[known], spread.distances[known])
+
+
+def test_the_distance_to_several_is_that_to_the_nearest():
+    mesh = grid(12, 9)
+    sources = [0, 60, 61, 100, 60]
+    np.testing.assert_allclose(
+        distance_to(mesh, sources), geodesic_distances(mesh, sources).min(axis=0), atol=0.02
+    )
+    assert np.isinf(distance_to(mesh, [])).all()
 
 
 def test_what_is_no_vertex_is_refused():
