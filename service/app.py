@@ -37,6 +37,7 @@ from service.routes import (
     queries,
     results,
     shapes,
+    synthetic,
     tasks,
 )
 from service.settings import ServiceSettings
@@ -50,8 +51,8 @@ DESCRIPTION = (
 )
 
 _ROUTERS: tuple[APIRouter, ...] = (
-    collections.router, shapes.router, bulk.router, results.router, drawn.router, queries.router, denoise.router,
-    tasks.router, events.router, evaluations.router, about.router, operations.router, pages.router,
+    collections.router, shapes.router, bulk.router, synthetic.router, results.router, drawn.router, queries.router,
+    denoise.router, tasks.router, events.router, evaluations.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

@@ -18,6 +18,10 @@ from store.records import Collection, Evaluation, Shape, Task
 __all__ = ["collection_value", "error_value", "evaluation_value", "shape_value", "shape_values", "task_value",
            "task_values"]  # fmt: skip
 
+_RESULTS_ELSEWHERE = ("describe", "evaluate", "map")
+"""Kinds of tasks whose results are read where they belong."""
+
+
 
 def collection_value(conn: Connection, collection: Collection) -> CollectionValue:
     """A collection with its counts."""
@@ -88,7 +92,7 @@ def _task_value(task: Task, collection: str | None) -> TaskValue:
     return TaskValue(
         id=task.id, kind=task.kind, state=task.state, collection=collection, shape=task.shape_id,
         progress=Progress(stage=task.stage, fraction=task.fraction), error=error_value(task),
-        result=task.result if task.kind in ("query", "denoise") else None, attempt=task.attempt, crashes=task.crashes,
+        result=None if task.kind in _RESULTS_ELSEWHERE else task.result, attempt=task.attempt, crashes=task.crashes,
         cancel_requested=task.cancel_requested, created_at=task.created_at, started_at=task.started_at,
         finished_at=task.finished_at,
     )  # fmt: skip

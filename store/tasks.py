@@ -38,8 +38,8 @@ from store.tables import shape as shape_table
 from store.tables import task as table
 
 __all__ = [
-    "DatabaseQueue", "Heartbeat", "TaskQueue", "cancel", "cancel_live", "cancelled", "describe_anew", "enqueue", "fail",
-    "get", "has_state", "list_page", "release_all", "retry", "succeed", "task_of_row",
+    "DatabaseQueue", "Heartbeat", "TaskQueue", "cancel", "cancel_live", "cancelled", "check_held", "describe_anew",
+    "enqueue", "fail", "get", "has_state", "list_page", "release_all", "retry", "succeed", "task_of_row",
 ]  # fmt: skip
 
 Heartbeat = Literal["ok", "cancel", "lost"]
@@ -246,6 +246,12 @@ def cancelled(conn: Connection, task: Task) -> Task:
     return _fenced(conn, task, _cancelling())
 
 
+def check_held(conn: Connection, task: Task) -> None:
+    """For what a task writes before it ends. Raises StaleClaim when the claim is over."""
+    if not conn.execute(select(exists().where(_held(task)))).scalar_one():
+        raise _stale(task)
+
+
 def release_all(conn: Connection) -> int:
     """Queues every running task again, without blame: for a restored backup, whose workers are no more."""
     return len(_move(conn, _requeueing(0).where(table.c.state == "running")))
@@ -360,11 +366,15 @@ def _failing(code: str, detail: Detail) -> Update:
 def _fenced(conn: Connection, task: Task, change: Update) -> Task:
     moved = _move(conn, change.where(_held(task)))
     if not moved:
-        raise StaleClaim(
-            f"Claim {task.attempt} of task {task.id} is over, so its result was not written.",
-            task=task.id, attempt=task.attempt,
-        )  # fmt: skip
+        raise _stale(task)
     return moved[0]
+
+
+def _stale(task: Task) -> StaleClaim:
+    return StaleClaim(
+        f"Claim {task.attempt} of task {task.id} is over, so its result was not written.",
+        task=task.id, attempt=task.attempt,
+    )  # fmt: skip
 
 
 def _move(conn: Connection, change: Update) -> list[Task]:

@@ -25,10 +25,19 @@ router = api_router("tasks")
 _TICK = 0.25  # how soon a stream ends when the service stops
 _BEAT = 15.0
 
+_NAMES = ["snapshot", "task", "waiting", "collection", "reset", "bye"]
+_EVENT = {
+    "type": "object", "required": ["event", "data"],
+    "properties": {
+        "id": {"type": "string"}, "event": {"type": "string", "enum": _NAMES},
+        "data": {"type": "string", "description": "A JSON object."},
+    },
+}  # fmt: skip
+
 _STREAM: dict[int | str, dict[str, Any]] = {
     200: {
         "description": "Events until the client leaves, the service stops or the stream's time is over.",
-        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+        "content": {"text/event-stream": {"schema": _EVENT}},
     },
 }
 

@@ -21,7 +21,7 @@ class TaskValue(Value):
     collection: str | None = Field(description="Name of its collection; null when it has none or it is gone.")
     shape: str | None = Field(description="Id of the shape that it describes.")
     error: ErrorValue | None
-    result: dict[str, Any] | None = Field(description="The answer of a query by mesh, when it succeeded; not in lists.")
+    result: dict[str, Any] | None = Field(description="What it answers, where that is read nowhere else; not in lists.")
     attempt: int
     crashes: int = Field(description="Times that its worker died.")
     cancel_requested: bool
