@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from reebase.descriptors.hks import TIMES, log_heat
 from reebase.descriptors.maxima import Maxima, persistent_maxima
-from reebase.descriptors.moments import moments_at, spread_points
+from reebase.descriptors.moments import moments_around, moments_at
 from reebase.descriptors.surface import Surface
 from reebase.spectrum.signatures import heat_kernel_signature, wave_kernel_signature
 
@@ -67,7 +67,7 @@ def describe(surface: Surface) -> Array:
     found = endpoints(surface)
     heat = log_heat(surface)
     at = moments_at(surface, found.vertices)
-    around = moments_at(surface, spread_points(surface))
+    around = surface.shared(moments_around)
     own = {
         "heat": (heat[found.vertices] - surface.weights @ heat) / np.sqrt(len(TIMES)),
         "spread": _mean_square(np.sqrt(at.spread)),

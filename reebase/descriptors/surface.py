@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,8 @@ from reebase.pipeline import Description, skeleton
 from reebase.spectrum import Operator, Spectrum, eigenpairs, operator
 
 __all__ = ["EIGENPAIRS", "Surface", "surface_of"]
+
+Shared = TypeVar("Shared")
 
 EIGENPAIRS = 64
 """How many eigenpairs the descriptors read: whole multiplets on a round shape, where they come by 1, 3, 5, ... 15.
@@ -31,6 +35,7 @@ class Surface:
         self.body = largest_component(mesh)[0]
         self._features = features
         self._spectra: dict[int, Spectrum] = {}
+        self._shared: dict[Callable[[Surface], Any], Any] = {}
 
     @cached_property
     def operator(self) -> Operator:
@@ -47,6 +52,13 @@ class Surface:
         if self._features is None:
             self._features = endpoint_features(skeleton(self.body))
         return self._features
+
+    def shared(self, compute: Callable[[Surface], Shared]) -> Shared:
+        """What ``compute`` gives for this surface, computed once: for what several descriptors are made of."""
+        if compute not in self._shared:
+            self._shared[compute] = compute(self)
+        found: Shared = self._shared[compute]
+        return found
 
     def spectrum(self, k: int = EIGENPAIRS) -> Spectrum:
         """The first k eigenpairs at unit area, or as many as there are vertices. Raises ComputationError.
