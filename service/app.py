@@ -35,6 +35,7 @@ from service.routes import (
     operations,
     pages,
     queries,
+    rankings,
     results,
     shapes,
     synthetic,
@@ -52,7 +53,8 @@ DESCRIPTION = (
 
 _ROUTERS: tuple[APIRouter, ...] = (
     collections.router, shapes.router, bulk.router, synthetic.router, results.router, drawn.router, queries.router,
-    denoise.router, tasks.router, events.router, evaluations.router, about.router, operations.router, pages.router,
+    rankings.router, denoise.router, tasks.router, events.router, evaluations.router, about.router, operations.router,
+    pages.router,
 )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from reebase.errors import unknown_name
 from service.errors import InvalidRequest
 from service.problems import pointer
 from service.schemas.queries import QueryParameters
@@ -72,16 +71,21 @@ def check_label(label: str | None, settings: ServiceSettings) -> None:
 def check_query(
     value: QueryParameters, settings: ServiceSettings, *, form: bool = False, prefix: Place = ()
 ) -> None:
-    """Raises InvalidRequest for values out of bounds, UnknownName for an unknown measure."""
-    from reebase.matching import MEASURES
+    """Raises InvalidRequest for values out of bounds, UnknownName for an unknown descriptor or measure, ParameterError
+    for what does not go together.
+    """
+    from reebase.errors import ParameterError, UnknownName
+    from reebase.ranking import ranking_named
 
     found = _Findings(form, prefix)
     if not 1 <= value.k <= settings.max_k:
         found.add("k", f"is {value.k}; it must be between 1 and {settings.max_k}", "out_of_range")
     found.longest("label", value.label, settings.max_label_length)
-    if value.measure not in MEASURES:
-        refusal = unknown_name("measure", value.measure[:80], MEASURES)
+    try:
+        ranking_named(value.descriptor, value.measure, value.rerank)
+    except (UnknownName, ParameterError) as refusal:
         if not found.errors:
-            raise refusal
-        found.add("measure", refusal.message, refusal.code)
+            raise
+        place = str(refusal.details.get("parameter", "descriptor")).split()[0]
+        found.add(place, refusal.message, refusal.code)
     found.refuse()

@@ -45,10 +45,8 @@ class Context:
     def open(cls, settings: ServiceSettings, metrics: Metrics, stopping: threading.Event) -> Context:
         """Raises what the store raises when its places cannot be used."""
         database = Database(settings.database_url)
-        return cls(
-            settings, database, open_blobs(settings), IndexFollower(database), metrics,
-            EventHub(database, settings.max_streams), stopping=stopping,
-        )
+        follower, hub = IndexFollower(database, settings.gallery_memory_bytes), EventHub(database, settings.max_streams)
+        return cls(settings, database, open_blobs(settings), follower, metrics, hub, stopping=stopping)
 
     def remove_unnamed(self, sha256: str, grace_seconds: float | None = None) -> None:
         """Remove a blob that no row names, if that can be done now; else the sweep will.

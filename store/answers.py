@@ -1,99 +1,51 @@
 """The answer to a query: ranked shapes, and for each why it is where it is.
 
-``answer_query(database, follower, spec, mesh=None) -> dict``, for service and worker alike;
-``DescribedMesh``: a query that is no stored shape;
-``QuerySpec`` with ``to_params`` and ``from_params`` for a task's ``params``.
+``answer_query(database, follower, spec, mesh=None) -> dict``, for service and worker alike.
 
 The answer, JSON-serialisable::
 
-    {"query": {"shape": id | None, "collection", "endpoint_count", "features", "flags", "measure", "k",
-               "tolerance"},
+    {"query": {"shape": id | None, "collection", "descriptor", "measure": str | None, "rerank",
+               "endpoint_count", "features", "flags", "positions": {descriptor: [[x, y, z]]}, "k", "tolerance"},
      "hits": [{"rank", "shape": {"id", "name", "label", "tags", "metadata", "filename", "format", "sha256"},
-               "dissimilarity", "endpoint_count", "pairs": [{"query", "hit", "distance"}],
-               "unmatched_query": [{"endpoint", "charge"}], "unmatched_hit": [{"endpoint", "charge"}],
-               "note": str | None}],
-     "considered": n, "buckets": [{"endpoint_count", "shapes"}], "took_ms": t}
+               "dissimilarity", "graph_dissimilarity", "endpoint_count",
+               "pairs": [{"query", "hit", "distance"}], "unmatched_query": [{"endpoint", "charge"}],
+               "unmatched_hit": [{"endpoint", "charge"}], "note": str | None,
+               "parts": [{"descriptor", "measure", "dissimilarity", "share", "matched": None | {"pairs",
+                          "unmatched_query", "unmatched_hit", "note", "positions": [[x, y, z]] | None}}]}],
+     "considered": n, "buckets": [{"endpoint_count", "shapes"}], "left_out": [{"code", "shapes", "detail"}],
+     "took_ms": t}
 
-Endpoints are numbered as in the two skeletons' ``endpoints``.
+``dissimilarity`` is what ranks. ``graph_dissimilarity`` is D(G, G~) whatever ranks, and pairs, unmatched and note
+are its parts, with endpoints numbered as in the two skeletons' ``endpoints``; those of a part's ``matched`` are
+numbered as that descriptor's ``positions``.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from sqlalchemy import Connection
 
+from reebase.descriptors import Kept, descriptor_named
 from reebase.errors import UnknownName
-from reebase.matching import as_features, match
-from reebase.pipeline import Description
-from reebase.search import Hit, Index
-from store import collections, results, shapes
+from reebase.matching import Match, match
+from store import collections, descriptors, shapes
+from store.descriptors import SRG
 from store.engine import Database
 from store.errors import ProfileChanged
 from store.follower import IndexFollower
-from store.records import Collection, Filters, Shape
+from store.query import Query, QuerySpec
+from store.records import Shape
+from store.search import Found, Ranked, search
 
-__all__ = ["DescribedMesh", "QuerySpec", "answer_query", "shape_summary"]
-
-
-@dataclass(frozen=True)
-class QuerySpec:
-    """What is asked. collection: by name. shape_id: the query, or None when its features are given.
-
-    k: at least 1. tolerance: how far endpoint counts may differ, None for any. measure: a name of MEASURES.
-    label, tags, metadata: only shapes that have them. max_dissimilarity: only hits with at most this D.
-    include_self: whether a stored query shape may be its own hit.
-    """
-
-    collection: str
-    shape_id: str | None = None
-    k: int = 10
-    tolerance: int | None = 2
-    measure: str = "matching"
-    label: str | None = None
-    tags: tuple[str, ...] = ()
-    metadata: dict[str, Any] = field(default_factory=dict)
-    max_dissimilarity: float | None = None
-    include_self: bool = False
-
-    def to_params(self) -> dict[str, Any]:
-        return {**dataclasses.asdict(self), "tags": list(self.tags)}
-
-    @classmethod
-    def from_params(cls, params: Mapping[str, Any]) -> QuerySpec:
-        """The inverse of ``to_params``; other keys are left aside."""
-        known = {f.name: params[f.name] for f in dataclasses.fields(cls) if f.name in params}
-        return cls(**{**known, "tags": tuple(known.get("tags", ()))})
-
-    @property
-    def filters(self) -> Filters:
-        return Filters(label=self.label, tags=self.tags, metadata=self.metadata)
-
-
-@dataclass(frozen=True, eq=False)
-class DescribedMesh:
-    """What is compared of a mesh: its features, (n, 3), under which profile, and what is unusual about it."""
-
-    features: npt.NDArray[np.float64]
-    profile_key: str
-    flags: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, description: Description) -> DescribedMesh:
-        return cls(description.features, description.profile.key, description.health.flags)
+__all__ = ["answer_query", "shape_summary"]
 
 
 def answer_query(
-    database: Database,
-    follower: IndexFollower,
-    spec: QuerySpec,
-    mesh: DescribedMesh | None = None,
+    database: Database, follower: IndexFollower, spec: QuerySpec, mesh: Query | None = None
 ) -> dict[str, Any]:
     """The k nearest shapes with their reasons; see the module's docstring for the form.
 
@@ -102,37 +54,37 @@ def answer_query(
     present profile, ParameterError, UnknownName.
     """
     began = time.perf_counter()
+    ranking = spec.ranking
     with database.read() as conn:
         collection = collections.get(conn, spec.collection)
         among = shapes.ids_matching(conn, collection.id, spec.filters) if spec.filters else None
-        if spec.shape_id is not None:
-            mesh = _stored(conn, collection, spec.shape_id)
-    if mesh is None:
+        query = mesh if spec.shape_id is None else Query.stored(conn, collection, spec)
+    if query is None:
         raise ValueError("Give either the id of a stored shape or a described mesh.")
-    if mesh.profile_key != collection.profile_key:
+    if query.profile_key != collection.profile_key:
         raise ProfileChanged(collection=collection.name)
-    omega = as_features(mesh.features)
-    index = follower.index(collection.id, collection.profile_key)
-    hits, considered = _search(index, omega, spec, among)
+    found = search(follower, collection, spec, query, among)
+    ids = [hit.shape_id for hit in found.hits]
     with database.read() as conn:
-        found = shapes.by_ids(conn, [hit.id for hit in hits])
-    explained = [_explain(index, omega, spec.measure, hit, found) for hit in hits]
+        known = shapes.by_ids(conn, ids)
+        kept = descriptors.of_shapes(conn, ids, _explained(spec), collection.profile_key)
+    hits = [_hit(found, one, spec, query, known, kept.get(one.shape_id, {})) for one in found.hits]
     return {
         "query": {
-            "shape": spec.shape_id,
-            "collection": collection.name,
-            "endpoint_count": len(omega),
-            "features": omega.tolist(),
-            "flags": list(mesh.flags),
-            "measure": spec.measure,
-            "k": spec.k,
-            "tolerance": spec.tolerance,
+            "shape": spec.shape_id, "collection": collection.name,
+            "descriptor": ranking.name, "measure": ranking.measure, "rerank": ranking.rerank,
+            "endpoint_count": len(query.features), "features": query.features.tolist(), "flags": list(query.flags),
+            "positions": {
+                name: places for name in _explained(spec) if (places := _places(query.kept[name])) is not None
+            },
+            "k": spec.k, "tolerance": spec.tolerance,
         },
-        "hits": [{"rank": rank, **hit} for rank, hit in enumerate(filter(None, explained), start=1)],
-        "considered": sum(considered.values()),
-        "buckets": [{"endpoint_count": count, "shapes": number} for count, number in considered.items()],
+        "hits": [{"rank": rank, **hit} for rank, hit in enumerate(filter(None, hits), start=1)],
+        "considered": sum(found.considered.values()),
+        "buckets": [{"endpoint_count": count, "shapes": number} for count, number in found.considered.items()],
+        "left_out": _left_out(found.lacking, ranking.name),
         "took_ms": round((time.perf_counter() - began) * 1000, 3),
-    }
+    }  # fmt: skip
 
 
 def shape_summary(shape: Shape) -> dict[str, Any]:
@@ -144,50 +96,71 @@ def shape_summary(shape: Shape) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _stored(conn: Connection, collection: Collection, shape_id: str) -> DescribedMesh:
-    shape = shapes.get(conn, collection.id, shape_id)
-    found = results.features(conn, shape_id)
-    if found.profile_key != collection.profile_key:
-        raise results.not_described(
-            conn, shape_id, "The shape is not described under the collection's present profile."
-        )
-    return DescribedMesh(found.features, found.profile_key, shape.flags)
+def _explained(spec: QuerySpec) -> list[str]:
+    """The parts, beside ``srg``, that say which endpoint went with which."""
+    return [name for name in spec.descriptors if descriptor_named(name).comparison.explain is not None]
 
 
-def _search(
-    index: Index, omega: npt.NDArray[np.float64], spec: QuerySpec, among: frozenset[str] | None
-) -> tuple[list[Hit], dict[int, int]]:
-    """The hits, and by endpoint count how many shapes were compared."""
-    itself = None if spec.include_self else spec.shape_id
-    if among is not None and itself is not None:
-        among, itself = among - {itself}, None
-    hits = index.query(
-        omega, k=spec.k + (itself is not None), tolerance=spec.tolerance, measure=spec.measure, among=among,
-        max_dissimilarity=spec.max_dissimilarity,
-    )  # fmt: skip
-    considered = index.considered(len(omega), tolerance=spec.tolerance, among=among)
-    if itself is not None and itself in index:
-        hits = [hit for hit in hits if hit.id != itself]
-        considered[len(omega)] -= 1
-    return hits[: spec.k], {count: number for count, number in considered.items() if number}
-
-
-def _explain(
-    index: Index, omega: npt.NDArray[np.float64], measure: str, hit: Hit, found: Mapping[str, Shape]
+def _hit(
+    found: Found, hit: Ranked, spec: QuerySpec, query: Query, known: Mapping[str, Shape], kept: Mapping[str, Kept]
 ) -> dict[str, Any] | None:
     """None for a shape that was deleted in the meantime."""
-    if hit.id not in found:
+    ranking = spec.ranking
+    if hit.shape_id not in known:
         return None
     try:
-        reasons = match(omega, index.features_of(hit.id), measure)
+        measure = (ranking.measure if ranking.name == SRG else None) or "matching"
+        reasons = match(query.features, found.index.features_of(hit.shape_id), measure)
     except UnknownName:
         return None
     return {
-        "shape": shape_summary(found[hit.id]),
+        "shape": shape_summary(known[hit.shape_id]),
         "dissimilarity": hit.dissimilarity,
+        "graph_dissimilarity": reasons.dissimilarity,
         "endpoint_count": hit.endpoint_count,
+        **_matched(reasons),
+        "note": reasons.note,
+        "parts": [
+            {
+                "descriptor": part, "measure": measure, "dissimilarity": hit.parts[part][0],
+                "share": hit.parts[part][1], "matched": _matched_part(part, measure, query, kept),
+            }
+            for part, measure in ranking.parts.items()
+        ],
+    }  # fmt: skip
+
+
+def _matched_part(part: str, measure: str, query: Query, kept: Mapping[str, Kept]) -> dict[str, Any] | None:
+    """None for a part that explains nothing, and for one that was described anew in the meantime."""
+    if part not in kept:
+        return None
+    reasons = descriptor_named(part).explain(_wide(query.kept[part]), _wide(kept[part]), measure)
+    if reasons is None:
+        return None
+    return {**_matched(reasons), "note": reasons.note, "positions": _places(kept[part])}
+
+
+def _wide(kept: Kept) -> npt.NDArray[np.float64]:
+    return kept.values.astype(np.float64)
+
+
+def _places(kept: Kept) -> list[list[float]] | None:
+    return None if kept.places is None else kept.places.tolist()
+
+
+def _matched(reasons: Match) -> dict[str, Any]:
+    return {
         "pairs": [{"query": p.first, "hit": p.second, "distance": p.distance} for p in reasons.pairs],
         "unmatched_query": [{"endpoint": u.endpoint, "charge": u.charge} for u in reasons.unmatched_first],
         "unmatched_hit": [{"endpoint": u.endpoint, "charge": u.charge} for u in reasons.unmatched_second],
-        "note": reasons.note,
     }
+
+
+def _left_out(lacking: int, descriptor: str) -> list[dict[str, Any]]:
+    if not lacking:
+        return []
+    detail = (
+        f"They were described before what {descriptor} compares was kept, or could not be described by it; "
+        "reindex the collection."
+    )
+    return [{"code": "without_descriptor", "shapes": lacking, "detail": detail}]

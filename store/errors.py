@@ -17,6 +17,7 @@ ReebaseError
     │   ├── TaskNotCancellable   task_not_cancellable
     │   ├── TaskNotRetryable     task_not_retryable
     │   ├── ProfileChanged       profile_changed      a mesh was described under another profile
+    │   ├── NothingToCompare     nothing_to_compare   no shape has what the descriptor compares
     │   ├── IdempotencyConflict  idempotency_conflict
     │   └── TargetNotEmpty       target_not_empty
     ├── InvalidCursor        invalid_cursor
@@ -36,7 +37,7 @@ from reebase.errors import ReebaseError
 __all__ = [
     "BlobNotFound", "CollectionExists", "CollectionNotFound", "Conflict", "CorruptBackup", "CorruptBlob",
     "EvaluationNotFound", "IdempotencyConflict", "InvalidCursor", "KeyNotFound",
-    "NotFound", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeExists", "ShapeNotFound",
+    "NotFound", "NothingToCompare", "ProfileChanged", "QuotaExceeded", "ResultNotFound", "ShapeExists", "ShapeNotFound",
     "StaleClaim", "StorageFull",
     "StoreBusy", "StoreError", "TargetNotEmpty", "TaskExists", "TaskNotCancellable", "TaskNotFound",
     "TaskNotRetryable", "UnsupportedDatabase",
@@ -137,6 +138,12 @@ class ProfileChanged(Conflict):
     """The collection has had another profile since the mesh was described, so the two cannot be compared."""
 
     code = "profile_changed"
+
+
+class NothingToCompare(Conflict):
+    """No shape of the collection has what the descriptor compares."""
+
+    code = "nothing_to_compare"
 
 
 class IdempotencyConflict(Conflict):

@@ -2,9 +2,8 @@
 
 ``store_description(conn, task, description, *, cleaned_sha256, ...) -> Task``: all of it, the
 shape's new state and the task's success in one fenced transaction; the BLOBS are put before.
-``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``health(conn, shape_id)``,
-``descriptor(conn, shape_id, name)``: raise ResultNotFound.
-``labelled_features(conn, collection_id, profile_key) -> LabelledFeatures``: what an evaluation needs.
+``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``health(conn, shape_id)``: raise ResultNotFound.
+``labelled(conn, collection_id, profile_key, parts) -> Labelled``: what an evaluation needs.
 
 Arrays are kept little endian, so that a database can move between machines.
 """
@@ -13,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,18 +20,19 @@ import numpy as np
 import numpy.typing as npt
 from sqlalchemy import Connection, Table, select
 
+from reebase.descriptors import Kept
 from reebase.mesh.health import Health
 from reebase.pipeline import PIPELINE_VERSION, Description
 from reebase.skeleton.graph import Skeleton
-from store import tables, tasks
+from store import descriptors, tables, tasks
 from store.errors import ResultNotFound, StaleClaim
 from store.records import StoredFeatures, StoredHealth, StoredSkeleton, Task
 from store.revision import bump
 from store.sql import insert
 
 __all__ = [
-    "BLOBS", "LabelledFeatures", "descriptor", "features", "features_of_bytes", "health", "labelled_features",
-    "not_described", "skeleton", "skeleton_value", "store_description",
+    "BLOBS", "Labelled", "features", "features_of_bytes", "health", "labelled", "not_described", "skeleton",
+    "skeleton_value", "store_description",
 ]  # fmt: skip
 
 BLOBS = ("cleaned", "denoised", "display", "thumbnail")
@@ -42,16 +42,18 @@ _ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "end
 
 
 @dataclass(frozen=True, eq=False)
-class LabelledFeatures:
-    """Shapes with a label and features of one profile, by id; all four have the same length.
+class Labelled:
+    """Shapes with a label and a description of one profile, by id; all columns have the same length.
 
-    features: float64, (k, 3) each.
+    kept: of each part asked for, (k, w) for each shape. lacking: the names of shapes that are left out, because
+    they have not all of the parts.
     """
 
     ids: list[str]
     names: list[str]
     labels: list[str]
-    features: list[npt.NDArray[np.float64]]
+    kept: dict[str, list[npt.NDArray[np.floating[Any]]]]
+    lacking: list[str]
 
 
 def store_description(
@@ -63,18 +65,21 @@ def store_description(
     denoised_sha256: str,
     display_sha256: str | None = None,
     thumbnail_sha256: str | None = None,
-    descriptors: Mapping[str, npt.NDArray[np.floating[Any]]] | None = None,
+    kept: Mapping[str, Kept] | None = None,
+    refused: Mapping[str, Any] | None = None,
 ) -> Task:
     """Writes what a claimed describe task found, in place of what was known, and ends the task.
 
-    descriptors: further vectors by name, kept as float32. Raises StaleClaim when the claim is over; let it
-    leave the transaction, so that nothing is written.
+    kept: of further descriptors by name; refused: why others found nothing to keep. Raises StaleClaim when the claim
+    is over; let it leave the transaction, so that nothing is written.
     """
     if task.kind != "describe" or task.shape_id is None or task.collection_id is None:
         raise StaleClaim(f"Task {task.id} does not describe a shape.", task=task.id)
     found = np.ascontiguousarray(description.features, dtype="<f8").reshape(-1, 3)
     # Fenced first: a worker that is too late must not even touch the rows.
-    done = tasks.succeed(conn, task, {"endpoint_count": len(found), "flags": list(description.health.flags)})
+    said = {"without": dict(refused)} if refused else {}
+    result = {"endpoint_count": len(found), "flags": list(description.health.flags), **said}
+    done = tasks.succeed(conn, task, result)
     version = {"profile_key": description.profile.key, "pipeline_version": PIPELINE_VERSION}
     _replace(conn, tables.endpoint_features, task.shape_id, {
         **version, "collection_id": task.collection_id, "endpoint_count": len(found),
@@ -89,12 +94,7 @@ def store_description(
     _replace(conn, tables.health, task.shape_id, {
         **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
     })  # fmt: skip
-    for name, values in (descriptors or {}).items():
-        rows = np.atleast_2d(np.asarray(values, dtype="<f4"))
-        _replace(conn, tables.descriptor, task.shape_id, {
-            "name": name, "version": description.profile.key,
-            "width": rows.shape[1], "values": rows.tobytes(),
-        })  # fmt: skip
+    descriptors.write(conn, task.shape_id, description.profile.key, kept or {})
     return done
 
 
@@ -141,34 +141,25 @@ def health(conn: Connection, shape_id: str) -> StoredHealth:
     return StoredHealth(shape_id, row["profile_key"], row["pipeline_version"], report, row["seconds"])
 
 
-def descriptor(conn: Connection, shape_id: str, name: str) -> npt.NDArray[np.float32]:
-    """A further vector, float32, (n,). Raises ResultNotFound."""
-    table = tables.descriptor
-    named = (table.c.shape_id == shape_id, table.c.name == name)
-    stored = conn.execute(select(table.c["values"]).where(*named)).scalar()
-    if stored is None:
-        raise ResultNotFound(f"The shape has no descriptor {name!r}.", shape=shape_id)
-    return np.frombuffer(stored, dtype="<f4")
-
-
-def labelled_features(conn: Connection, collection_id: str, profile_key: str) -> LabelledFeatures:
-    """All shapes of the collection that have a label and features of this profile, by id."""
-    shape, found = tables.shape, tables.endpoint_features
-    rows = conn.execute(
-        select(shape.c.id, shape.c.name, shape.c.label, found.c.features)
-        .join(found, found.c.shape_id == shape.c.id)
-        .where(
-            tables.present,
-            shape.c.collection_id == collection_id,
-            shape.c.label.is_not(None),
-            found.c.profile_key == profile_key,
-        )
-        .order_by(shape.c.id)
-    ).all()
-    return LabelledFeatures(
-        [row.id for row in rows], [row.name for row in rows], [row.label for row in rows],
-        [features_of_bytes(row.features) for row in rows],
-    )  # fmt: skip
+def labelled(
+    conn: Connection, collection_id: str, profile_key: str, parts: Sequence[str] = (descriptors.SRG,)
+) -> Labelled:
+    """All shapes of the collection with a label and a description under this profile, by id."""
+    shape = tables.shape
+    mine = (shape.c.collection_id == collection_id, shape.c.label.is_not(None))
+    columns = select(shape.c.id, shape.c.name, shape.c.label).where(*mine, tables.present)
+    known = {row.id: row for row in conn.execute(columns)}
+    found = Labelled([], [], [], {part: [] for part in parts}, [])
+    for one in descriptors.described(conn, parts, profile_key, *mine):
+        if len(one.kept) == len(parts):
+            found.ids.append(one.shape_id)
+            found.names.append(known[one.shape_id].name)
+            found.labels.append(known[one.shape_id].label)
+            for part, kept in one.kept.items():
+                found.kept[part].append(kept)
+        elif one.current:
+            found.lacking.append(known[one.shape_id].name)
+    return found
 
 
 def features_of_bytes(stored: bytes) -> npt.NDArray[np.float64]:

@@ -6,11 +6,12 @@ Every field is an environment variable: ``lease_seconds`` is ``REEBASE_LEASE_SEC
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import Field, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from reebase.descriptors import DESCRIPTORS
 from store.engine import sqlite_url
 
 __all__ = ["Settings"]
@@ -42,6 +43,11 @@ class Settings(BaseSettings):
     max_batch: int = Field(100, ge=1)
     max_batch_hits: int = Field(5000, ge=1)
 
+    # What is kept of every shape beside the endpoint features, separated by commas: it can be ranked by that.
+    descriptors: Annotated[tuple[str, ...], NoDecode] = tuple(name for name in DESCRIPTORS if name != "srg")
+    # What one process holds of these in memory, for queries; beyond it the collections asked for longest ago go.
+    gallery_memory_bytes: int = Field(1 * _GIB, ge=_MIB)
+
     # Tasks.
     lease_seconds: float = Field(30.0, gt=0)
     max_crashes: int = Field(3, ge=1)
@@ -58,6 +64,15 @@ class Settings(BaseSettings):
     keep_deleted_seconds: float = Field(86400.0, ge=0)
     keep_query_seconds: float = Field(7 * 86400.0, ge=0)
     keep_tombstones_seconds: float = Field(7 * 86400.0, ge=0)
+
+    @field_validator("descriptors", mode="before")
+    @classmethod
+    def _descriptors(cls, given: str | tuple[str, ...]) -> tuple[str, ...]:
+        names = given.split(",") if isinstance(given, str) else given
+        chosen = {name.strip() for name in names} - {"", "srg"}
+        if unknown := sorted(chosen - set(DESCRIPTORS)):
+            raise ValueError(f"there is no descriptor {', '.join(unknown)}; there are {', '.join(DESCRIPTORS)}")
+        return tuple(name for name in DESCRIPTORS if name in chosen)
 
     @model_validator(mode="after")
     def _places(self) -> Self:

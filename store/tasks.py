@@ -124,13 +124,14 @@ def enqueue(
     return task
 
 
-def describe_anew(conn: Connection, collection_id: str) -> None:
+def describe_anew(conn: Connection, collection_id: str, only: Some[str] | None = None) -> int:
     """Queues a description of every shape of a collection, in place of those that are queued or running.
 
-    In few statements however many shapes there are: other writers wait meanwhile.
+    only: these shapes. In few statements however many there are: other writers wait meanwhile. Returns how many.
     """
     mine = and_(table.c.collection_id == collection_id, table.c.kind == "describe", table.c.state.in_(_LIVE))
-    conn.execute(_cancelling().where(mine))
+    if only is None:
+        conn.execute(_cancelling().where(mine))
     shapes = select(shape_table.c.id).where(shape_table.c.collection_id == collection_id, present)
     rows = [
         {
@@ -139,15 +140,18 @@ def describe_anew(conn: Connection, collection_id: str) -> None:
             "crashes": 0, "cancel_requested": 0,
         }
         for shape_id in conn.execute(shapes.order_by(shape_table.c.id)).scalars()
+        if only is None or shape_id in only
     ]  # fmt: skip
     if rows:
         conn.execute(insert(conn, table).values(created_at=now()), rows)
-    live = select(table.c.id).where(mine, table.c.shape_id == shape_table.c.id).scalar_subquery()
+    waiting = and_(mine, table.c.state == "queued", table.c.shape_id == shape_table.c.id)
+    queued = select(table.c.id).where(waiting).scalar_subquery()
     conn.execute(
         update(shape_table)
-        .where(shape_table.c.collection_id == collection_id, present)
-        .values(task_id=live, state="queued", updated_at=now())
+        .where(shape_table.c.collection_id == collection_id, present, queued.is_not(None))
+        .values(task_id=queued, state="queued", updated_at=now())
     )
+    return len(rows)
 
 
 def get(conn: Connection, task_id: str) -> Task:

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import dataclasses
 import io
-import itertools
 import json
 import socket
+import time
 from collections.abc import Callable, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from reebase.errors import MeshError, MissingPackage
+from reebase.errors import MeshError, MissingPackage, ReebaseError
 from reebase.mesh.mesh import Mesh
 from worker.denoising import denoise
+from worker.stacks import pack, unpack
 
 __all__ = ["COMPUTATIONS", "warm"]
 
@@ -33,9 +34,11 @@ def describe(
 
     arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description`` (a saved
     Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY,
-    the latter with the field as ``phi2``), and what a page draws: ``display`` (GLB) and ``thumbnail`` (PNG).
+    the latter with the field as ``phi2``), what a page draws: ``display`` (GLB) and ``thumbnail`` (PNG), and ``kept``:
+    what the argument ``descriptors`` keep of it. Answers which of these could not describe the mesh, as ``refused``.
     """
     from reebase import pipeline
+    from reebase.descriptors import kept, surface_of
     from reebase.mesh.read import Limits
     from reebase.mesh.write import to_bytes
     from reebase.pictures.display import clustered, display_glb
@@ -45,6 +48,14 @@ def describe(
         source.read(), pipeline.Profile(**arguments["profile"]),
         format=arguments["format"], limits=Limits(**arguments["limits"]), progress=progress,
     )  # fmt: skip
+    refused: dict[str, ReebaseError] = {}
+    seconds = description.seconds
+    if "kept" in outputs:
+        progress("descriptors", 0.9)
+        start = time.perf_counter()
+        found, refused = kept.keep(surface_of(description), arguments["descriptors"])
+        kept.save(outputs["kept"], found)
+        seconds = {**seconds, "descriptors": time.perf_counter() - start}
     if outputs.keys() & {"cleaned", "denoised", "display", "thumbnail"}:
         progress("write", 0.95)
     if "cleaned" in outputs:
@@ -60,26 +71,26 @@ def describe(
             outputs["thumbnail"].write(thumbnail(light.of(description.denoised)))
     # The meshes have just been written, where they are wanted at all.
     none = Mesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int32))
-    numbers = dataclasses.replace(description, cleaned=none, denoised=none, field=np.empty(0))
+    numbers = dataclasses.replace(description, cleaned=none, denoised=none, field=np.empty(0), seconds=seconds)
     numbers.save(outputs["description"])
-    return {}
+    return {"refused": {name: {"code": one.code, "detail": one.message} for name, one in refused.items()}}
 
 
 def evaluate(
     arguments: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
 ) -> dict[str, Any]:
-    """All dissimilarities of stacked features and the measures of retrieval on them.
+    """All dissimilarities of what is kept of n shapes and the measures of retrieval on them.
 
-    source: npz of ``features`` (total, 3) and ``offsets`` (n + 1,). arguments: ``labels`` and ``names`` (n
-    each), ``measure``, ``bootstrap``, ``seed``. outputs: ``report`` (JSON), ``matrix`` (npy, (n, n)).
+    source: what each part of the ranking keeps of them, packed. arguments: ``labels`` and ``names`` (n each),
+    ``descriptor``, ``measure``, ``rerank``, ``bootstrap``, ``seed``. outputs: ``report`` (JSON), ``matrix`` (npy,
+    (n, n)).
     """
-    from reebase.evaluation import matrix, measures
+    from reebase.evaluation import measures
+    from reebase.ranking import ranking_named
 
-    with np.load(io.BytesIO(source.read()), allow_pickle=False) as stacked:
-        features, offsets = stacked["features"], stacked["offsets"]
-    shapes = [features[start:end] for start, end in itertools.pairwise(offsets)]
-    dissimilarities = matrix.dissimilarity_matrix(
-        shapes, arguments["measure"], progress=lambda fraction: progress("matrix", 0.9 * fraction)
+    ranking = ranking_named(arguments["descriptor"], arguments["measure"], arguments["rerank"])
+    dissimilarities = ranking.matrix(
+        unpack(source), progress=lambda fraction: progress("matrix", 0.9 * fraction)
     )
     progress("measures", 0.9)
     evaluation = measures.evaluate(
@@ -121,35 +132,43 @@ def warm() -> None:
     """Walk every computation once on small meshes, so that all modules are imported and all kernels ready."""
     from reebase import pipeline
     from reebase import warm as kernels
+    from reebase.descriptors import DESCRIPTORS
+    from reebase.descriptors import kept as stored
     from reebase.evaluation.synthetic import CLASSES
     from reebase.mesh.write import to_bytes
+    from reebase.ranking import FUSED, PARTS
 
     kernels.warm()
     profile = pipeline.Profile().to_json()
     made = io.BytesIO()
     synthesise({"label": CLASSES[0], "index": 0, "vertices": 1000}, io.BytesIO(), {"mesh": made}, _silent)
+    kept = io.BytesIO()
     # A mesh in each format loads its reader; the last has an edge of four faces, for the operator of such.
     for mesh, format in [*((kernels.sample(), format) for format in _FORMATS), (_two_tetrahedra(), "ply")]:
-        outputs = {name: io.BytesIO() for name in ("description", "cleaned", "denoised", "display", "thumbnail")}
+        outputs = {name: io.BytesIO() for name in _DESCRIBED}
+        names = [] if kept.getvalue() else [*DESCRIPTORS]
         try:
             source = io.BytesIO(to_bytes(mesh, format))
-            describe({"format": format, "limits": {}, "profile": profile}, source, outputs, _silent)
+            asked = {"format": format, "limits": {}, "profile": profile, "descriptors": names}
+            describe(asked, source, outputs, _silent)
+            kept = outputs["kept"] if names else kept
         except (MissingPackage, MeshError):
             continue  # what is not installed, or refused, needs no warming
     noisy = to_bytes(kernels.sample(), "ply")
     parts = {name: {"start": 0, "size": len(noisy), "format": "ply"} for name in ("file", "truth")}
     how = {"parts": parts, "method": "auto", "iterations": 1, "boundary": "curve", "parameters": {}, "limits": {}}
     denoise(how, io.BytesIO(noisy), {"mesh": io.BytesIO()}, _silent)
-    stacked = io.BytesIO()
-    np.savez(stacked, features=np.tile(_SOME_FEATURES, (4, 1)), offsets=np.arange(0, 9, 2))
-    stacked.seek(0)
+    kept.seek(0)
+    same = stored.load(kept)
+    packed = io.BytesIO(pack({part: 4 * [same[part].values] for part in PARTS}))
     labelled = {"labels": ["a", "a", "b", "b"], "names": ["0", "1", "2", "3"]}
     outputs = {name: io.BytesIO() for name in ("report", "matrix")}
-    evaluate({**labelled, "measure": "matching", "bootstrap": 2, "seed": 0}, stacked, outputs, _silent)
+    ranking = {"descriptor": FUSED, "measure": None, "rerank": True}
+    evaluate({**labelled, **ranking, "bootstrap": 2, "seed": 0}, packed, outputs, _silent)
 
 
+_DESCRIBED = ("description", "kept", "cleaned", "denoised", "display", "thumbnail")
 _FORMATS = ("ply", "obj", "off", "stl", "glb")
-_SOME_FEATURES = np.array([[0.5, 0.3, 0.2], [0.5, 0.4, 0.6]])
 
 
 def _silent(_: str, __: float) -> None:

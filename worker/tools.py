@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,21 +35,22 @@ class Tools:
     @cached_property
     def follower(self) -> IndexFollower:
         """The index of each collection, which queries search; built when the first one comes."""
-        return IndexFollower(self.database)
+        return IndexFollower(self.database, self.settings.gallery_memory_bytes)
 
     @contextmanager
     def described(
         self, claim: Claim, source: str | bytes, profile: dict[str, Any], *, format: str | None,
-        outputs: tuple[str, ...] = (), progress: bool = True,
+        outputs: tuple[str, ...] = (), descriptors: Iterable[str] = (), progress: bool = True,
     ) -> Iterator[Finished]:  # fmt: skip
         """Describe a mesh in a child: the hash of its blob, or its bytes.
 
-        The files are ``description`` (see ``Description.load``) and the outputs asked for: ``cleaned``,
-        ``denoised``. Raises ChildError, BlobNotFound, CorruptBlob, and what ``claim.tick`` raises.
+        The files are ``description`` (see ``Description.load``), ``kept`` (what these descriptors keep, see
+        ``reebase.descriptors.kept.load``) and the outputs asked for: ``cleaned``, ``denoised``. Raises ChildError,
+        BlobNotFound, CorruptBlob, and what ``claim.tick`` raises.
         """
-        with self.computed(
-            claim, "describe", {"format": format, "profile": profile}, source, ("description", *outputs), progress
-        ) as finished:
+        arguments = {"format": format, "profile": profile, "descriptors": [*descriptors]}
+        files = ("description", "kept", *outputs)
+        with self.computed(claim, "describe", arguments, source, files, progress) as finished:
             yield finished
 
     @contextmanager

@@ -21,7 +21,6 @@ Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area o
 Field = Annotated[str, typer.Option(help="fiedler, eigenfunction:K, auto_diffusion:T, geodesic_integral or height.")]
 Area = Annotated[str, typer.Option(help="Node area: band or ring.")]
 Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, cotangent or tufted.")]
-Measure = Annotated[str, typer.Option(help="Dissimilarity: matching, matching_mean, greedy or literal.")]
 Labels = Annotated[
     Path | None,
     typer.Option(

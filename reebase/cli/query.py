@@ -12,6 +12,7 @@ from rich.console import Console
 from reebase.cli import options
 from reebase.cli.output import STDOUT, check_target, print_table, results, write_json
 from reebase.client import Answer, Client
+from reebase.ranking import DEFAULT, RANKINGS, ranking_named
 from reebase.words import counted
 
 
@@ -19,10 +20,23 @@ def query(
     mesh: Annotated[Path, typer.Argument(help="A mesh file; it is not kept.", exists=True, dir_okay=False)],
     collection: Annotated[str, typer.Option(help="The collection to search.")],
     k: Annotated[int, typer.Option("--k", "-k", help="How many shapes to return.", min=1)] = 10,
+    descriptor: Annotated[
+        str | None, typer.Option(help=f"What ranks: {', '.join(RANKINGS)}. [default: {DEFAULT}]")
+    ] = None,
+    measure: Annotated[
+        str | None,
+        typer.Option(help="How that is compared: for srg matching (its default), matching_mean, greedy or literal."),
+    ] = None,
+    rerank: Annotated[
+        bool | None, typer.Option("--rerank/--no-rerank", help="Refine fused by nearest neighbours. [default: rerank]")
+    ] = None,
     tolerance: Annotated[
-        str, typer.Option(help="By how much endpoint counts may differ: a whole number, or any.", metavar="N|any")
-    ] = "2",
-    measure: options.Measure = "matching",
+        str | None,
+        typer.Option(
+            help="By how much endpoint counts may differ: a whole number, or any. [default: 2 for srg, else any]",
+            metavar="N|any",
+        ),
+    ] = None,
     label: Annotated[str | None, typer.Option(help="Only shapes with this label.")] = None,
     tag: Annotated[list[str] | None, typer.Option(help="Only shapes with this tag; may be repeated.")] = None,
     max_dissimilarity: Annotated[float | None, typer.Option(help="Only hits at most so far.", min=0)] = None,
@@ -35,10 +49,11 @@ def query(
     Exit code 0: answered, with or without hits. 2: it could not run, or was refused.
     """
     check_target(json_out)
-    most = _tolerance(tolerance)
+    ranking_named(descriptor, measure, rerank)
+    most = ... if tolerance is None else _tolerance(tolerance)
     with Client(url, api_key=api_key, patience=2.0) as client:
         answer = client.query(
-            collection, source=mesh, k=k, tolerance=most, measure=measure,
+            collection, source=mesh, k=k, descriptor=descriptor, measure=measure, rerank=rerank, tolerance=most,
             label=label, tags=tag or (), max_dissimilarity=max_dissimilarity,
         )  # fmt: skip
     if json_out is not None:
@@ -56,20 +71,30 @@ def _tolerance(text: str) -> int | None:
 
 
 def print_answer(answer: Answer, console: Console) -> None:
-    """The hits as a table: D, and what it is made of."""
-    endpoints = answer.query["endpoint_count"]
-    console.print(f"{counted(endpoints, 'endpoint')}; {counted(answer.considered, 'shape')} considered")
+    """The hits as a table: what ranks, what each part says and its share; D, and what it is made of."""
+    endpoints, name = answer.query["endpoint_count"], answer.query["descriptor"]
+    how = answer.query["measure"] or ("re-ranked" if answer.query["rerank"] else "as it is")
+    console.print(
+        f"{counted(endpoints, 'endpoint')}; {counted(answer.considered, 'shape')} considered, by {name}, {how}"
+    )
+    for one in answer.left_out:
+        console.print(f"{counted(one['shapes'], 'shape')} left out. {one['detail']}")
     if not answer.hits:
         console.print("No hits: nothing indexed passes the filters within the tolerance; --tolerance any takes all.")
         return
-    rows = []
+    rows, ranked_by_d = [], name == "srg"
     for hit in answer.hits:
         pairs = "  ".join(f"{pair.query}-{pair.hit}: {pair.distance:.3f}" for pair in hit.pairs)
         alone = [f"query {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_query]
         alone += [f"hit {one.endpoint}: {one.charge:.3f}" for one in hit.unmatched_hit]
-        rows.append((
-            str(hit.rank), hit.shape.name, hit.shape.label or "", f"{hit.dissimilarity:.4f}",
-            str(hit.endpoint_count), pairs, "  ".join(alone),
-        ))  # fmt: skip
-    names = ("rank", "shape", "label", "D(G, G~)", "endpoints", "matched pairs (query-hit: distance)", "unmatched")
+        start = (str(hit.rank), hit.shape.name, hit.shape.label or "")
+        D = f"{hit.graph_dissimilarity:.4f}"
+        if ranked_by_d:
+            rows.append((*start, D, str(hit.endpoint_count), pairs, "  ".join(alone)))
+        else:
+            parts = "  ".join(f"{one.descriptor} {one.dissimilarity:.3f} ({one.share:.0%})" for one in hit.parts)
+            rows.append((*start, f"{hit.dissimilarity:.4f}", parts, D, str(hit.endpoint_count)))
+    own = ("D(G, G~)", "endpoints")
+    reasons = (*own, "matched pairs (query-hit: distance)", "unmatched")
+    names = ("rank", "shape", "label", *(reasons if ranked_by_d else (name, "parts (share)", *own)))
     print_table(console, names, rows, widest=1)

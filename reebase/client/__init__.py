@@ -29,7 +29,9 @@ try:
         Choice,
         Collection,
         Counts,
+        Coverage,
         Denoised,
+        Descriptor,
         Errors,
         Evaluation,
         Failure,
@@ -40,6 +42,8 @@ try:
         Matrix,
         Measure,
         Pair,
+        Part,
+        PartMatch,
         Progress,
         Readiness,
         ServiceLimits,
@@ -54,8 +58,8 @@ except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is 
     raise MissingPackage("The client needs httpx: pip install 'reebase[client]'.") from missing
 
 __all__ = [
-    "Answer", "Choice", "Client", "Collection", "Counts", "Denoised", "Errors", "Evaluation", "Failure", "Filter",
-    "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Progress", "Readiness", "RequestBroken",
-    "ServiceError", "ServiceLimits", "ServiceUnreachable", "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply",
-    "Unmatched", "Upload", "WaitTimeout",
+    "Answer", "Choice", "Client", "Collection", "Counts", "Coverage", "Denoised", "Descriptor", "Errors",
+    "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch",
+    "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits", "ServiceUnreachable", "Shape", "Source",
+    "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload", "WaitTimeout",
 ]  # fmt: skip

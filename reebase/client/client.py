@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import EllipsisType
 from typing import IO, Any, Self, TypeVar, cast
 from urllib.parse import quote
 
@@ -20,7 +21,9 @@ from reebase.client.errors import ServiceError, TaskFailed, WaitTimeout
 from reebase.client.records import (
     Answer,
     Collection,
+    Coverage,
     Denoised,
+    Descriptor,
     Evaluation,
     Filter,
     Formats,
@@ -217,12 +220,15 @@ class Client:
 
     def query(
         self, collection: str, *, shape: str | None = None, source: Source | None = None, k: int = 10,
-        tolerance: int | None = 2, measure: str = "matching", label: str | None = None, tags: Sequence[str] = (),
+        descriptor: str | None = None, measure: str | None = None, rerank: bool | None = None,
+        tolerance: int | EllipsisType | None = ..., label: str | None = None, tags: Sequence[str] = (),
         metadata: Mapping[str, Any] | None = None, max_dissimilarity: float | None = None, wait: float = 600.0,
     ) -> Answer:  # fmt: skip
         """Rank a collection by a stored shape (its id) or by a mesh that is not kept.
 
-        k: how many hits. tolerance: by how much endpoint counts may differ, None for any. measure: of D, by name.
+        k: how many hits. descriptor: what ranks, see ``descriptors``; measure: how that is compared; rerank: of
+        ``fused``, whether nearest neighbours refine it. tolerance: by how much endpoint counts may differ, None for
+        any. What is left out is the service's default.
         label, tags, metadata: only shapes that have them. wait: seconds for a mesh to be described.
         Raises ParameterError unless one of shape and source is given; ServiceError: ``collection_not_found``,
         ``shape_not_found``, ``result_not_found``, ``unknown_name``, and what an upload may; TaskFailed, WaitTimeout.
@@ -231,15 +237,19 @@ class Client:
             raise ParameterError("Pass either shape= (the id of a stored shape) or source= (a mesh).")
         path = _collection(collection) + "/query"
         asked = {
-            "k": k, "measure": measure, "label": label, "tags": list(tags) or None,
+            "k": k, "descriptor": descriptor, "measure": measure, "rerank": rerank, "label": label,
+            "tags": list(tags) or None,
             "metadata": None if metadata is None else dict(metadata), "max_dissimilarity": max_dissimilarity,
         }  # fmt: skip
         if source is None:
-            body = {"shape": shape, "tolerance": tolerance, **_given(asked)}
+            body = {"shape": shape, **_given(asked)}
+            if tolerance is not ...:
+                body["tolerance"] = tolerance
             return self._get(records.answer_of, path, method="POST", reads=True, json=body)
         end = time.monotonic() + wait
         form = _given({**asked, "metadata": None if metadata is None else json.dumps(dict(metadata))})
-        form["tolerance"] = "null" if tolerance is None else tolerance
+        if tolerance is not ...:
+            form["tolerance"] = "null" if tolerance is None else tolerance
         form["wait"] = min(max(wait, 0.0), self._poll)
         with _opened(source, None) as (filename, content):
             reply = self._http.request("POST", path, creates=True, data=form, files={"file": (filename, content)})
@@ -348,8 +358,8 @@ class Client:
 
     def start_evaluation(
         self, *, collection: str | None = None, synthetic: Mapping[str, Any] | None = None,
-        profile: Mapping[str, Any] | None = None, measure: str = "matching", descriptor: str = "srg",
-        bootstrap: int = 1000,
+        profile: Mapping[str, Any] | None = None, descriptor: str = "srg", measure: str | None = None,
+        rerank: bool | None = None, bootstrap: int = 1000,
     ) -> Evaluation:  # fmt: skip
         """Start an evaluation of a collection with labels, or of the synthetic set.
 
@@ -359,8 +369,8 @@ class Client:
         """
         body = _given({
             "collection": collection, "synthetic": None if synthetic is None else dict(synthetic),
-            "profile": None if profile is None else dict(profile), "measure": measure, "descriptor": descriptor,
-            "bootstrap": bootstrap,
+            "profile": None if profile is None else dict(profile), "descriptor": descriptor, "measure": measure,
+            "rerank": rerank, "bootstrap": bootstrap,
         })  # fmt: skip
         return self._get(records.evaluation_of, "/v1/evaluations", method="POST", creates=True, json=body)
 
@@ -401,6 +411,27 @@ class Client:
     def measures(self) -> list[Measure]:
         """The measures of D that a query or an evaluation can name."""
         return self._get(lambda found: [records.record(Measure, one) for one in found["items"]], "/v1/measures")
+
+    def descriptors(self) -> list[Descriptor]:
+        """What a query or an evaluation can name as descriptor."""
+
+        def made(found: Mapping[str, Any]) -> list[Descriptor]:
+            return [records.record(Descriptor, one, default=one["name"] == found["default"]) for one in found["items"]]
+
+        return self._get(made, "/v1/descriptors")
+
+    def coverage(self, collection: str) -> Coverage:
+        """Of how many shapes each descriptor is kept."""
+
+        def made(found: Mapping[str, Any]) -> Coverage:
+            return Coverage(found["described"], {one["name"]: one["shapes"] for one in found["items"]})
+
+        return self._get(made, _collection(collection) + "/descriptors")
+
+    def reindex(self, collection: str) -> int:
+        """Queue the shapes that lack a descriptor which the service keeps; how many these are."""
+        path = _collection(collection) + "/reindex"
+        return self._get(lambda found: int(found["queued"]), path, method="POST", reads=True)
 
     def filters(self) -> list[Filter]:
         """The denoising filters that a profile can name."""

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from reebase.client.errors import ServiceError
 
 __all__ = [
-    "Answer", "Choice", "Collection", "Counts", "Denoised", "Errors", "Evaluation", "Failure", "Filter", "Formats",
-    "Hit", "HitShape", "Matrix", "Measure", "Pair", "Progress", "Readiness", "ServiceLimits", "Shape", "Task",
-    "Unmatched", "Upload",
+    "Answer", "Choice", "Collection", "Counts", "Coverage", "Denoised", "Descriptor", "Errors", "Evaluation",
+    "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch", "Progress",
+    "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
 ]  # fmt: skip
 
 _Record = TypeVar("_Record")
@@ -163,16 +163,47 @@ class HitShape:
 
 
 @dataclass(frozen=True)
-class Hit:
-    """A ranked shape with its dissimilarity D(G, G~) and the reasons for it.
+class PartMatch:
+    """Which endpoints of a descriptor went together, by their places in its positions.
 
-    note: where D is more than the sum of what is listed, how.
+    note: how the dissimilarity comes from what is listed, where it is not the sum. positions: of the hit's endpoints,
+    on its denoised mesh, where the descriptor says where they lie.
+    """
+
+    pairs: tuple[Pair, ...]
+    unmatched_query: tuple[Unmatched, ...]
+    unmatched_hit: tuple[Unmatched, ...]
+    positions: tuple[tuple[float, float, float], ...] | None
+    note: str | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one descriptor says of a hit. share: of the similarity, of all parts together 1. matched: None for a
+    descriptor that is one vector, and for ``srg``, of which the hit itself says it.
+    """
+
+    descriptor: str
+    measure: str
+    dissimilarity: float
+    share: float
+    matched: PartMatch | None
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A ranked shape. dissimilarity: what ranks. parts: what each descriptor of the ranking says.
+
+    graph_dissimilarity: D(G, G~) whatever ranks; pairs and unmatched are its reasons. note: where D is more than the
+    sum of what is listed, how.
     """
 
     rank: int
     shape: HitShape
     dissimilarity: float
+    graph_dissimilarity: float
     endpoint_count: int
+    parts: tuple[Part, ...]
     pairs: tuple[Pair, ...]
     unmatched_query: tuple[Unmatched, ...]
     unmatched_hit: tuple[Unmatched, ...]
@@ -184,7 +215,8 @@ class Answer:
     """Hits from most to least similar, ties by id.
 
     query: as it was understood, with its ``features`` and ``endpoint_count``. considered: shapes that were
-    compared; buckets: endpoint count -> how many of these. took_ms: on the server.
+    compared; buckets: endpoint count -> how many of these. left_out: described shapes that could not be compared,
+    each with ``code``, ``shapes`` (how many) and ``detail``. took_ms: on the server.
     """
 
     query: dict[str, Any]
@@ -192,6 +224,7 @@ class Answer:
     considered: int
     buckets: dict[int, int]
     took_ms: float
+    left_out: tuple[dict[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -297,6 +330,31 @@ class Measure:
 
 
 @dataclass(frozen=True)
+class Descriptor:
+    """What can rank. measures: the default first. explained: whether hits say which endpoints went together. rerank:
+    whether that goes with it. parts: the descriptors it compares. kept: whether the service keeps these of every
+    shape. default: whether it ranks a query that names none.
+    """
+
+    name: str
+    description: str
+    measures: tuple[str, ...]
+    explained: bool
+    rerank: bool
+    parts: tuple[str, ...]
+    kept: bool
+    default: bool
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """described: shapes under the present profile; shapes: descriptor -> how many of these have it."""
+
+    described: int
+    shapes: dict[str, int]
+
+
+@dataclass(frozen=True)
 class Filter:
     """A denoising filter, or ``none``, that a profile's ``denoise`` can name."""
 
@@ -314,7 +372,7 @@ class Readiness:
     queued: int
 
 
-_TUPLES = frozenset({"tags", "flags", "written"})
+_TUPLES = frozenset({"tags", "flags", "written", "measures", "parts", "left_out"})
 _MOMENTS = frozenset({"created_at", "updated_at", "started_at", "finished_at", "worker_seen_at"})
 
 
@@ -358,13 +416,25 @@ def upload_of(values: Json, created: bool) -> Upload:
     return Upload(shape_of(values["shape"]), None if task is None else task_of(task), created)
 
 
+def _reasons(values: Json) -> dict[str, Any]:
+    return {
+        "pairs": tuple(record(Pair, pair) for pair in values["pairs"]),
+        "unmatched_query": tuple(record(Unmatched, one) for one in values["unmatched_query"]),
+        "unmatched_hit": tuple(record(Unmatched, one) for one in values["unmatched_hit"]),
+    }
+
+
+def _part(values: Json) -> Part:
+    matched = values["matched"]
+    if matched is None:
+        return record(Part, values, matched=None)
+    places = None if matched["positions"] is None else tuple((x, y, z) for x, y, z in matched["positions"])
+    return record(Part, values, matched=PartMatch(**_reasons(matched), positions=places, note=matched["note"]))
+
+
 def _hit(values: Json) -> Hit:
-    return record(
-        Hit, values, shape=record(HitShape, values["shape"]),
-        pairs=tuple(record(Pair, pair) for pair in values["pairs"]),
-        unmatched_query=tuple(record(Unmatched, one) for one in values["unmatched_query"]),
-        unmatched_hit=tuple(record(Unmatched, one) for one in values["unmatched_hit"]),
-    )  # fmt: skip
+    parts = tuple(_part(part) for part in values["parts"])
+    return record(Hit, values, shape=record(HitShape, values["shape"]), parts=parts, **_reasons(values))
 
 
 def answer_of(values: Json) -> Answer:

@@ -63,14 +63,15 @@ class Ranking:
 
 
 def ranking_named(name: str | None = None, measure: str | None = None, rerank: bool | None = None) -> Ranking:
-    """The ranking; None stands for what is the default of the other two.
+    """The ranking. None stands for the default of each; where only a measure of D is named, it is ``srg``.
 
     Raises UnknownName for another name or measure, ParameterError for ``rerank`` of a single descriptor: its
     dissimilarities have no unit that a walk over neighbours could use.
     """
-    name = DEFAULT if name is None else name
+    if name is None:
+        name = DEFAULT if measure is None else "srg"
     if name not in RANKINGS:
-        raise unknown_name("descriptor", name, RANKINGS)
+        raise unknown_name("descriptor", name[:80], RANKINGS)
     if name != FUSED:
         if rerank:
             raise ParameterError(f"rerank goes with the descriptor {FUSED}; found {name}.", parameter="rerank")

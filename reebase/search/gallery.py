@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from threading import RLock
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 import numpy.typing as npt
@@ -133,17 +134,18 @@ class Gallery:
         after._known = self._known_without(lost)
         return after
 
-    def rank(self, query: Mapping[str, Floats], id: str | None = None) -> Ranked:
+    def rank(self, query: Mapping[str, Floats], id: str | None = None, *, again: bool = False) -> Ranked:
         """Compare a query with every shape. query: what is kept of it by each part. id: its own, where it is here.
 
-        Exact; of a shape that is here the row of ``Ranking.matrix`` of all. Beyond CANDIDATES shapes the nearest
-        so many are re-ranked, and the others come after them. Raises ParameterError.
+        again: re-rank a fused ranking. Exact; of a shape that is here, and of a copy of it, the row of
+        ``Ranking.matrix`` of all. Beyond CANDIDATES shapes the nearest so many are re-ranked, and the others come
+        after them. Raises ParameterError.
         """
         distances = {part: self._to_all(part, query[part], measure) for part, measure in self.ranking.parts.items()}
         if self.ranking.measure is not None:
             only = distances[self.ranking.name]
             return Ranked(only, distances, {self.ranking.name: np.ones(len(only))})
-        place = None if id is None else self.places.get(id)
+        place = self.places.get(id) if id is not None else _copy(distances)
         with self._lock:
             known = self._statistics
         if place is None:
@@ -152,7 +154,7 @@ class Gallery:
             own = {part: float(scales[place]) for part, scales in known.scales.items()}
         fused = fuse(distances, own, known)
         found = fused.dissimilarities
-        if self.ranking.rerank and len(self):
+        if again and len(self):
             found = self._reranked(found, place)
         return Ranked(found, distances, fused.shares)
 
@@ -165,9 +167,11 @@ class Gallery:
               for first in range(0, len(self), _CHUNK)),
         ])  # fmt: skip
 
-    @property
+    @cached_property
     def _references(self) -> npt.NDArray[np.int64]:
-        return np.arange(min(len(self), REFERENCES))
+        """A fair sample that hardly changes when shapes come and go: those whose ids have the smallest checksums."""
+        order = np.argsort([crc32(id.encode()) for id in self.ids], kind="stable")
+        return np.sort(order[:REFERENCES])
 
     @cached_property
     def _statistics(self) -> Statistics:
@@ -181,7 +185,7 @@ class Gallery:
     def _distances(self) -> Mapping[str, Array]:
         """part -> (n, r), the distances to the references; what an earlier snapshot knew is not computed again."""
         with self._lock:
-            references = tuple(self.ids[: len(self._references)])
+            references = tuple(self.ids[place] for place in self._references)
             known = self._known
             if not known.distances or (known.ids, known.references) != (self.ids, references):
                 found = {part: self._completed(part, measure) for part, measure in self.ranking.parts.items()}
@@ -193,14 +197,14 @@ class Gallery:
         one_to_many, stack = descriptor_named(part).comparison.one_to_many, self._kept[part].stack()
         out = np.empty((len(self), len(self._references)))
         rows = [self.places[id] for id in self._known.ids]
-        columns, old = _common(self._known.references, self.ids[: len(self._references)])
+        columns, old = _common(self._known.references, [self.ids[place] for place in self._references])
         if columns:
             out[np.ix_(rows, columns)] = self._known.distances[part][:, old]
-            among = self._kept[part].taken(np.array(columns)).stack()
+            among = self._kept[part].taken(self._references[columns]).stack()
             for row in np.setdiff1d(np.arange(len(self)), rows):
                 out[row, columns] = one_to_many(_rows_of(stack, row), among, measure)
-        for column in np.setdiff1d(self._references, columns):
-            out[:, column] = one_to_many(_rows_of(stack, column), stack, measure)
+        for column in np.setdiff1d(np.arange(len(self._references)), columns):
+            out[:, column] = one_to_many(_rows_of(stack, self._references[column]), stack, measure)
         return out
 
     def _known_without(self, lost: Collection[str]) -> _Known:
@@ -243,6 +247,12 @@ class Gallery:
             shapes = [_rows_of(stack, shape) for shape in range(stack.shapes)]
             found[part] = descriptor_named(part).comparison.all_pairs(shapes, measure)
         return fused_matrix(found, self._statistics.among(chosen))
+
+
+def _copy(distances: Mapping[str, Array]) -> int | None:
+    """The first shape that is at distance 0 in every part."""
+    same = np.flatnonzero(np.logical_and.reduce([found == 0.0 for found in distances.values()]))
+    return int(same[0]) if len(same) else None
 
 
 def _rows_of(stack: Stack, shape: int) -> Array:

@@ -82,6 +82,11 @@ class Index:
             count, row = self._places[id]
             return np.array(self._buckets[count].features[row])
 
+    def endpoint_count(self, id: str) -> int | None:
+        """Of a shape; None when it is not here."""
+        place = self._places.get(id)
+        return None if place is None else place[0]
+
     def counts(self) -> dict[int, int]:
         """Endpoint count -> how many shapes have it, in increasing order, without the empty ones."""
         buckets = self._buckets

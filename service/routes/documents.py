@@ -22,8 +22,10 @@ _ABOUT_SHAPE: dict[str, dict[str, Any]] = {
 
 _ABOUT_QUERY: dict[str, dict[str, Any]] = {
     "k": {"type": "integer", "minimum": 1, "default": 10},
-    "tolerance": {"type": "string", "description": "Whole number, or `null` for any.", "default": "2"},
-    "measure": {"type": "string", "default": "matching"},
+    "descriptor": {"type": "string", "description": "What ranks: one of /v1/descriptors, which names the default."},
+    "measure": {"type": "string", "description": "How that is compared; by default its first measure."},
+    "rerank": {"type": "boolean", "description": "Of `fused`; the default is yes."},
+    "tolerance": {"type": "string", "description": "Whole number, or `null` for any. Default: 2 for `srg`, else any."},
     "label": {"type": "string"},
     "tags": {"type": "array", "items": {"type": "string"}},
     "metadata": {"type": "string", "description": "A JSON object."},

@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
+from reebase.ranking import ranking_named
 from service.auth import Principal, Reader, Writer
 from service.conditional import unless_unchanged
 from service.context import Here
@@ -20,7 +21,7 @@ from service.routes.common import Cursor, IdempotencyKey, IdPath, PageSize, api_
 from service.schemas.common import PageOf
 from service.schemas.evaluations import EvaluationValue, MatrixValue, NewEvaluation
 from service.values import evaluation_value
-from store import evaluations
+from store import descriptors, evaluations
 from store.errors import EvaluationNotFound
 from store.records import Evaluation
 
@@ -57,7 +58,10 @@ def create_evaluation(
     """Leave-one-out over a collection with labels or over the synthetic set; a task with progress."""
     if body.collection is None:
         principal.need_everywhere()
-    params = body.model_dump(exclude_none=True)
+    ranking = ranking_named(body.descriptor, body.measure, body.rerank)
+    params = {
+        **body.model_dump(exclude_none=True), "measure": ranking.measure, "rerank": ranking.rerank,
+    }  # fmt: skip
     if body.profile is not None:
         params["profile"] = body.profile.model_dump()
     asked = same_request(request, principal, idempotency_key, params)
@@ -65,6 +69,8 @@ def create_evaluation(
         opened = None if body.collection is None else open_collection(conn, principal, body.collection)
 
         def work() -> Response:
+            if opened is not None:
+                descriptors.check_any(conn, opened, ranking.parts)
             made = evaluations.create(
                 conn, params=params, collection_id=None if opened is None else opened.id
             )

@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from reebase.errors import ReebaseError
+from reebase.ranking import ranking_named
 from service.auth import Principal, Reader
 from service.checks import check_query
 from service.context import Context, Here
@@ -34,13 +35,18 @@ from service.uploads import Upload, received
 from service.values import task_value
 from service.waiting import wait_for
 from store import faults, tasks
-from store.answers import QuerySpec, answer_query
+from store.answers import answer_query
+from store.descriptors import SRG
 from store.errors import Conflict, NotFound
+from store.query import QuerySpec
 from store.records import Task
 
 __all__ = ["router"]
 
 router = api_router("queries")
+
+_TOLERANCE = {SRG: 2}
+"""By how much endpoint counts may differ where the query does not say (Kacem, section 4.3.1)."""
 
 _OF_THE_FILE = frozenset({"format", "filename", "wait"})
 
@@ -66,7 +72,7 @@ async def query(
     request: Request, here: Here, principal: Reader, collection: CollectionPath,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:  # fmt: skip
-    """The k shapes with the smallest D, each with the matched endpoints that explain it.
+    """The k most similar shapes, each with what the parts of the ranking say of it, D(G, G̃) and the matched endpoints.
 
     Send JSON to ask by the id of a shape, or a mesh (multipart or its bytes) that is not kept. A query by
     mesh that is not done within `wait` seconds is answered with its task.
@@ -91,9 +97,12 @@ def _check_open(here: Context, principal: Principal, collection: str) -> None:
 
 
 def _spec(collection: str, value: QueryParameters, shape: str | None) -> QuerySpec:
+    ranking = ranking_named(value.descriptor, value.measure, value.rerank)
+    tolerance = value.tolerance if "tolerance" in value.model_fields_set else _TOLERANCE.get(ranking.name)
     return QuerySpec(
-        collection, shape, k=value.k, tolerance=value.tolerance, measure=value.measure, label=value.label,
-        tags=tuple(value.tags), metadata=value.metadata, max_dissimilarity=value.max_dissimilarity,
+        collection, shape, k=value.k, tolerance=tolerance, descriptor=ranking.name, measure=ranking.measure,
+        rerank=ranking.rerank, label=value.label, tags=tuple(value.tags), metadata=value.metadata,
+        max_dissimilarity=value.max_dissimilarity,
     )  # fmt: skip
 
 

@@ -5,23 +5,20 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from reebase.errors import ParameterError
 from service.schemas.collections import ProfileBody
-from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, one_of
+from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, one_of, refused
 from service.schemas.tasks import TaskValue
 
 __all__ = ["EvaluationValue", "MatrixValue", "NewEvaluation", "SyntheticBody"]
 
 
-STORED_DESCRIPTORS = ("srg",)
-"""Descriptors that are kept of every shape; an evaluation has no others to compare."""
+def _rankings() -> Collection[str]:
+    from reebase.ranking import RANKINGS
 
-
-def _measures() -> Collection[str]:
-    from reebase.matching import MEASURES
-
-    return MEASURES
+    return RANKINGS
 
 
 def _classes() -> Collection[str]:
@@ -51,8 +48,8 @@ class NewEvaluation(Body):
     model_config = ConfigDict(
         json_schema_extra={
             "examples": [
-                {"synthetic": {"per_class": 25, "seed": 0}, "measure": "matching"},
-                {"collection": "animals"},
+                {"synthetic": {"per_class": 25, "seed": 0}, "descriptor": "srg", "measure": "matching"},
+                {"collection": "animals", "descriptor": "fused"},
             ]
         }
     )
@@ -60,9 +57,26 @@ class NewEvaluation(Body):
     collection: CollectionName | None = None
     synthetic: SyntheticBody | None = None
     profile: ProfileBody | None = Field(None, description="Of the synthetic set; a collection has its own.")
-    measure: Annotated[Text, one_of("measure", _measures)] = "matching"
-    descriptor: Annotated[Text, one_of("descriptor", lambda: STORED_DESCRIPTORS)] = "srg"
+    descriptor: Annotated[Text, one_of("descriptor", _rankings)] = Field(
+        "srg", description="What ranks: one of /v1/descriptors."
+    )
+    measure: Annotated[Text, Field(max_length=64)] | None = Field(
+        None, description="How that is compared; by default its first measure."
+    )
+    rerank: bool | None = Field(None, description="Of `fused`: whether it is re-ranked; the default is yes.")
     bootstrap: int = Field(1000, ge=0, le=10_000, description="Resamples for the intervals.")
+
+    @field_validator("measure", "rerank")
+    @classmethod
+    def _goes_with_the_descriptor(cls, value: Any, info: ValidationInfo) -> Any:
+        from reebase.ranking import ranking_named
+
+        if "descriptor" in info.data:
+            try:
+                ranking_named(info.data["descriptor"], **{str(info.field_name): value})
+            except ParameterError as error:
+                raise refused(error) from None
+        return value
 
     @model_validator(mode="after")
     def _one_of_two(self) -> NewEvaluation:

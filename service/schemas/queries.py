@@ -17,10 +17,16 @@ class QueryParameters(Body):
     """How to rank, and what to rank."""
 
     k: int = Field(10, ge=1, description="Number of hits; /v1/limits has the largest.")
-    tolerance: Annotated[int, Field(ge=0, le=10_000)] | None = Field(
-        2, description="Endpoint counts may differ by so much; null for any."
+    descriptor: Text | None = Field(
+        None, description="What ranks: one of /v1/descriptors, which names the default. `srg` ranks by D(G, G̃)."
     )
-    measure: Text = Field("matching", description="One of /v1/measures.")
+    measure: Text | None = Field(None, description="How that is compared; by default its first measure.")
+    rerank: bool | None = Field(
+        None, description="Of `fused`: whether the ranking is refined by what the collection says; the default is yes."
+    )
+    tolerance: Annotated[int, Field(ge=0, le=10_000)] | None = Field(
+        None, description="Endpoint counts may differ by so much; null for any. Left out: 2 for `srg`, else any."
+    )
     label: Text | None = None
     tags: list[Text] = Field(default_factory=list, max_length=100, description="Shapes with all of these.")
     metadata: Metadata = Field(default_factory=dict)
@@ -32,7 +38,10 @@ class QueryBody(QueryParameters):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "examples": [{"shape": "0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "k": 10, "measure": "matching"}]
+            "examples": [
+                {"shape": "0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "k": 10},
+                {"shape": "0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "descriptor": "srg", "measure": "greedy"},
+            ]
         }
     )
 
@@ -50,13 +59,18 @@ class QueryEcho(Value):
 
     shape: str | None
     collection: str
+    descriptor: str
+    measure: str | None = Field(description="Null for `fused`, which compares each part by its own first measure.")
+    rerank: bool
     endpoint_count: int
     features: list[Triple]
     flags: list[str] = Field(
         default_factory=list,
         description="What is unusual about the query's mesh, as in the health report of a stored shape.",
     )
-    measure: str
+    positions: dict[str, list[Triple]] = Field(
+        description="By descriptor: where the endpoints that it matches lie on the query's denoised mesh."
+    )
     k: int
     tolerance: int | None
 
@@ -89,14 +103,36 @@ class HitShape(Value):
     sha256: str
 
 
+class PartMatch(Value):
+    """Which endpoints of a descriptor went together, by their places in its positions."""
+
+    pairs: list[Pair]
+    unmatched_query: list[Unmatched]
+    unmatched_hit: list[Unmatched]
+    note: str | None = Field(description="How the dissimilarity comes from what is listed, where it is not the sum.")
+    positions: list[Triple] | None = Field(description="Of the hit's endpoints, on its denoised mesh.")
+
+
+class Part(Value):
+    """What one descriptor says of a hit, and how much of the similarity is its."""
+
+    descriptor: str
+    measure: str
+    dissimilarity: float
+    share: float = Field(description="The shares of a hit add up to 1.")
+    matched: PartMatch | None = Field(description="Null for a descriptor that is one vector, and for `srg`, see pairs.")
+
+
 class Hit(Value):
-    """A ranked shape: D(G, G̃), and the matched endpoints that explain it."""
+    """A ranked shape, what each part says of it, and D(G, G̃) with the matched endpoints that explain it."""
 
     rank: int
     shape: HitShape
-    dissimilarity: float
+    dissimilarity: float = Field(description="What ranks.")
+    graph_dissimilarity: float = Field(description="D(G, G̃) of the two skeletons, whatever ranks.")
     endpoint_count: int
-    pairs: list[Pair]
+    parts: list[Part]
+    pairs: list[Pair] = Field(description="Of D.")
     unmatched_query: list[Unmatched]
     unmatched_hit: list[Unmatched]
     note: str | None = Field(description="Where D is more than the sum of what is listed, how.")
@@ -109,6 +145,14 @@ class Bucket(Value):
     shapes: int
 
 
+class LeftOut(Value):
+    """Shapes that could not be compared, and why."""
+
+    code: str = Field(examples=["without_descriptor"])
+    shapes: int
+    detail: str
+
+
 class AnswerValue(Value):
     """Hits from most to least similar, ties by id."""
 
@@ -116,6 +160,7 @@ class AnswerValue(Value):
     hits: list[Hit]
     considered: int = Field(description="Shapes that were compared.")
     buckets: list[Bucket]
+    left_out: list[LeftOut]
     took_ms: float
 
 

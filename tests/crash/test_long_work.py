@@ -49,7 +49,7 @@ def test_an_evaluation_outlives_its_worker(house):
     assert (task.state, task.crashes) == ("succeeded", 2)
     with house.database.read() as conn:
         found = evaluations.get(conn, made.id)
-        known = results.labelled_features(conn, collection.id, collection.profile_key)
+        known = results.labelled(conn, collection.id, collection.profile_key)
     assert [item["id"] for item in found.items] == known.ids
     assert set(found.report["overall"]) == {"nn", "first_tier", "second_tier", "e_measure", "dcg", "map"}
     rows = [*evaluations.matrix_rows(house.blobs, evaluations.matrix_of(found))]

@@ -150,8 +150,8 @@ def test_results_of_a_shape_that_failed(client: Client, empty: str) -> None:
 
 def test_queries_by_shape_and_by_mesh_agree(client: Client, zoo: dict[str, Shape]) -> None:
     one = zoo["capsule 2"]
-    by_shape = client.query("menagerie", shape=one.id, k=5, tolerance=None)
-    by_mesh = client.query("menagerie", source=client.original("menagerie", one.id), k=5, tolerance=None)
+    by_shape = client.query("menagerie", shape=one.id, k=5)
+    by_mesh = client.query("menagerie", source=client.original("menagerie", one.id), k=5)
     assert by_mesh.hits[0].shape.id == one.id
     assert by_mesh.hits[0].dissimilarity == 0.0
     rest = [(hit.shape.id, hit.dissimilarity) for hit in by_mesh.hits[1:]]
@@ -159,7 +159,7 @@ def test_queries_by_shape_and_by_mesh_agree(client: Client, zoo: dict[str, Shape
     assert sum(by_mesh.buckets.values()) == by_mesh.considered == len(zoo)
     best = by_shape.hits[0]
     charges = [one.charge for one in best.unmatched_query + best.unmatched_hit]
-    assert sum(pair.distance for pair in best.pairs) + sum(charges) == pytest.approx(best.dissimilarity)
+    assert sum(pair.distance for pair in best.pairs) + sum(charges) == pytest.approx(best.graph_dissimilarity)
 
 
 def test_queries_with_filters(client: Client, zoo: dict[str, Shape]) -> None:

@@ -101,10 +101,11 @@ def check_answer(answer: dict[str, Any]) -> None:
     order = [(hit["dissimilarity"], hit["shape"]["id"]) for hit in hits]
     assert order == sorted(order)
     for hit in hits:
-        if answer["query"]["measure"] == "matching":
+        assert sum(part["share"] for part in hit["parts"]) == pytest.approx(1.0)
+        if answer["query"]["measure"] in ("matching", None):
             parts = [pair["distance"] for pair in hit["pairs"]]
             parts += [one["charge"] for one in hit["unmatched_query"] + hit["unmatched_hit"]]
-            assert sum(parts) == pytest.approx(hit["dissimilarity"], abs=1e-12)
+            assert sum(parts) == pytest.approx(hit["graph_dissimilarity"], abs=1e-12)
             used = [p["query"] for p in hit["pairs"]] + [u["endpoint"] for u in hit["unmatched_query"]]
             assert sorted(used) == list(range(answer["query"]["endpoint_count"]))
     assert answer["considered"] == sum(bucket["shapes"] for bucket in answer["buckets"])
@@ -130,7 +131,7 @@ def test_a_query_by_mesh(http: httpx.Client, zoo: dict[str, str]) -> None:
     check_answer(answer)
     assert answer["query"]["shape"] is None and answer["query"]["tolerance"] is None
     assert answer["hits"][0]["shape"]["name"] == "capsule-4"
-    assert answer["hits"][0]["dissimilarity"] < 0.01
+    assert answer["hits"][0]["graph_dissimilarity"] < 0.01
     # It is not kept.
     assert http.get(zoo[""]).json()["counts"]["shapes"] == 4
     raw = http.post(f"{zoo['']}/query", content=to_bytes(turned, "obj"), params={"k": 2, "tolerance": "null"})

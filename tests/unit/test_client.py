@@ -302,22 +302,43 @@ def test_waiting_is_given_up_in_time() -> None:
 
 def test_a_query_that_takes_longer_ends_with_the_answer_of_its_task() -> None:
     answer = {
-        "query": {"endpoint_count": 2}, "considered": 1, "took_ms": 1.5,
+        "query": {"endpoint_count": 2}, "considered": 1, "left_out": [], "took_ms": 1.5,
         "buckets": [{"endpoint_count": 2, "shapes": 1}],
         "hits": [{
-            "rank": 1, "dissimilarity": 0.25, "endpoint_count": 2, "pairs": [{"query": 0, "hit": 1, "distance": 0.25}],
+            "rank": 1, "dissimilarity": 0.5, "graph_dissimilarity": 0.75, "endpoint_count": 2,
+            "pairs": [{"query": 0, "hit": 1, "distance": 0.25}],
             "unmatched_query": [{"endpoint": 1, "charge": 0.5}], "unmatched_hit": [], "note": None,
+            "parts": [
+                {"descriptor": "hks", "measure": "l1", "dissimilarity": 9.0, "share": 0.25, "matched": None},
+                {"descriptor": "extended", "measure": "matching", "dissimilarity": 1.0, "share": 0.75, "matched": {
+                    "pairs": [{"query": 2, "hit": 0, "distance": 1.0}], "unmatched_query": [], "unmatched_hit": [],
+                    "note": "squares", "positions": [[1.0, 2.0, 3.0]],
+                }},
+            ],
             "shape": {name: SHAPE[name] for name in
                       ("id", "name", "label", "tags", "metadata", "filename", "format", "sha256")},
         }],
     }  # fmt: skip
     done = httpx.Response(200, json={**TASK, "kind": "query", "state": "succeeded", "result": answer})
     handler = Recorder(httpx.Response(202, json={"task": TASK}), done)
-    found = client_of(handler).query("zoo", source=b"OFF", tolerance=None, tags=["a"], metadata={"n": 1})
+    found = client_of(handler).query("zoo", source=b"OFF", tolerance=None, tags=["a"], metadata={"n": 1}, rerank=False)
     assert b'name="tolerance"\r\n\r\nnull' in handler.bodies[0]
+    assert b'name="rerank"\r\n\r\nfalse' in handler.bodies[0]
+    assert b'name="descriptor"' not in handler.bodies[0]
     assert "Idempotency-Key" in handler.requests[0].headers
     assert found.buckets == {2: 1}
     assert (found.hits[0].pairs[0].distance, found.hits[0].unmatched_query[0].charge) == (0.25, 0.5)
+    assert [part.matched is None for part in found.hits[0].parts] == [True, False]
+    assert found.hits[0].parts[1].matched.positions == ((1.0, 2.0, 3.0),)
+    assert found.hits[0].parts[1].matched.pairs[0].query == 2
+
+
+def test_what_a_query_does_not_say_is_left_to_the_service() -> None:
+    handler = Recorder(problem(404, "shape_not_found"))
+    for asked in ({}, {"tolerance": None}, {"descriptor": "srg", "tolerance": 3}):
+        with pytest.raises(ServiceError):
+            client_of(handler).query("zoo", shape="s", **asked)
+        assert json.loads(handler.bodies[-1]) == {"shape": "s", "k": 10, **asked}
 
 
 def test_a_query_needs_one_of_two() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from reebase.descriptors import kept
 from reebase.pipeline import Description
 from store import collections, faults, results, shapes
 from worker.claim import Claim, LostError
@@ -19,16 +20,19 @@ def run(tools: Tools, claim: Claim) -> None:
         collection = collections.by_id(conn, task.collection_id)
         shape = shapes.get(conn, task.collection_id, task.shape_id)
     with tools.described(
-        claim, shape.sha256, collection.profile, format=shape.format, outputs=results.BLOBS
-    ) as finished:
+        claim, shape.sha256, collection.profile, format=shape.format, outputs=results.BLOBS,
+        descriptors=tools.settings.descriptors,
+    ) as finished:  # fmt: skip
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
+        found = kept.load(finished.files["kept"])
         with claim.kept():
             blobs = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in results.BLOBS}
     faults.point("worker.blobs_stored")
     with tools.database.write() as conn:
         results.store_description(
             conn, task, description, cleaned_sha256=blobs["cleaned"], denoised_sha256=blobs["denoised"],
-            display_sha256=blobs["display"], thumbnail_sha256=blobs["thumbnail"],
+            display_sha256=blobs["display"], thumbnail_sha256=blobs["thumbnail"], kept=found,
+            refused=finished.answer["refused"],
         )  # fmt: skip
     faults.point("worker.rows_committed")

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 
+from reebase.descriptors import kept
 from reebase.pipeline import PIPELINE_VERSION, Description
 from store import collections, faults, outputs, results
-from store.answers import DescribedMesh, QuerySpec, answer_query
+from store.answers import answer_query
+from store.query import Query, QuerySpec
 from worker.claim import Claim, LostError
 from worker.tools import Tools, pieces
 
@@ -28,15 +30,17 @@ def run(tools: Tools, claim: Claim) -> None:
     with tools.database.read() as conn:
         collection = collections.get(conn, spec.collection)
     with tools.described(
-        claim, task.blob, collection.profile, format=task.params.get("format"), outputs=_DRAWN
-    ) as finished:
+        claim, task.blob, collection.profile, format=task.params.get("format"), outputs=_DRAWN,
+        descriptors=spec.descriptors,
+    ) as finished:  # fmt: skip
         faults.point("worker.child_done")
-        description = Description.load(finished.files["description"])
+        description, found = Description.load(finished.files["description"]), kept.load(finished.files["kept"])
+        mesh = Query.of(description, found, finished.answer["refused"])
         with claim.kept():
             drawn = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in _DRAWN}
             drawn["skeleton"] = tools.blobs.put_if_absent(_skeleton(description))
     claim.progress("search", 0.95)
-    answer = answer_query(tools.database, tools.follower, spec, DescribedMesh.of(description))
+    answer = answer_query(tools.database, tools.follower, spec, mesh)
     with tools.database.write() as conn:
         outputs.complete(conn, task, answer, drawn)
     faults.point("worker.rows_committed")

@@ -261,7 +261,7 @@ def test_a_deleted_shape_is_nowhere_until_it_is_restored(
         assert shapes.ids_matching(conn, collection.id, Filters(label="ants")) == frozenset()
         counts = collections.counts(conn, collection.id)
         assert (counts.by_state, counts.by_endpoint_count) == ({}, {})
-        assert results.labelled_features(conn, collection.id, collection.profile_key).ids == []
+        assert results.labelled(conn, collection.id, collection.profile_key).ids == []
         keys.check_quota(conn, key)
     for follower in (index, IndexFollower(database)):
         assert shape.id not in follower.index(collection.id, collection.profile_key)
@@ -269,7 +269,7 @@ def test_a_deleted_shape_is_nowhere_until_it_is_restored(
         restored = shapes.restore(conn, collection.id, shape.id)
         assert dataclasses.replace(restored, updated_at=before.updated_at) == before
         assert shapes.restore(conn, collection.id, shape.id) == restored
-        assert results.labelled_features(conn, collection.id, collection.profile_key).ids == [shape.id]
+        assert results.labelled(conn, collection.id, collection.profile_key).ids == [shape.id]
     for follower in (index, IndexFollower(database)):
         assert shape.id in follower.index(collection.id, collection.profile_key)
     assert queue.claim("w") is None

@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from sqlalchemy.exc import IntegrityError
 
+from reebase.descriptors import Kept
 from reebase.errors import UnknownName
 from reebase.matching import dissimilarity
 from reebase.pipeline import PIPELINE_VERSION, Profile
 from reebase.search import Index
-from store import collections, results, revision, shapes, sweep, tasks
-from store.answers import DescribedMesh, QuerySpec, answer_query
+from store import collections, descriptors, results, revision, shapes, sweep, tasks
+from store.answers import answer_query
 from store.blobs import MemoryBlobs
 from store.engine import Database
 from store.errors import CollectionNotFound, ProfileChanged, ResultNotFound, ShapeNotFound
 from store.follower import IndexFollower
+from store.query import Query, QuerySpec
 from store.records import Collection, Shape, Task
 from store.settings import Settings
 from tests.unit.store.descriptions import description
@@ -41,7 +43,7 @@ def describe(database: Database, queue: tasks.DatabaseQueue) -> Describe:
         with database.write() as conn:
             return results.store_description(
                 conn, task, found, cleaned_sha256=SHA, denoised_sha256=SHA,
-                descriptors={"spectrum": found.eigenvalues},
+                kept={"shape_dna": Kept(np.float32(found.eigenvalues[None]))},
             )  # fmt: skip
 
     return described
@@ -51,8 +53,8 @@ def omega(seed: int, count: int = 4) -> np.ndarray:
     return np.random.default_rng(seed).random((count, 3))
 
 
-def mesh(seed: int, count: int = 4, profile: Profile | None = None) -> DescribedMesh:
-    return DescribedMesh.of(description(omega(seed, count), profile))
+def mesh(seed: int, count: int = 4, profile: Profile | None = None) -> Query:
+    return Query.of(description(omega(seed, count), profile))
 
 
 def test_everything_round_trips(database: Database, upload: Upload, describe: Describe) -> None:
@@ -63,10 +65,8 @@ def test_everything_round_trips(database: Database, upload: Upload, describe: De
         features = results.features(conn, shape.id)
         skeleton = results.skeleton(conn, shape.id)
         health = results.health(conn, shape.id)
-        spectrum = results.descriptor(conn, shape.id, "spectrum")
+        kept = descriptors.of_shapes(conn, [shape.id], ["shape_dna", "hks"], Profile().key)
         after = shapes.get(conn, shape.collection_id, shape.id)
-        with pytest.raises(ResultNotFound):
-            results.descriptor(conn, shape.id, "hks")
     assert np.array_equal(features.features, expected.features)
     assert (features.endpoint_count, features.profile_key) == (4, Profile().key)
     assert features.pipeline_version == PIPELINE_VERSION
@@ -77,7 +77,8 @@ def test_everything_round_trips(database: Database, upload: Upload, describe: De
     assert np.array_equal(skeleton.eigenvalues, expected.eigenvalues)
     assert (skeleton.cleaned_sha256, skeleton.denoised_sha256) == (SHA, SHA)
     assert (health.report, health.seconds) == (expected.health, expected.seconds)
-    assert np.array_equal(spectrum, expected.eigenvalues.astype(np.float32))
+    assert list(kept[shape.id]) == ["shape_dna"]
+    assert np.array_equal(kept[shape.id]["shape_dna"].values, expected.eigenvalues[None].astype(np.float32))
     assert (after.state, after.endpoint_count, after.flags) == ("indexed", 4, ("open_surface",))
     assert task.result == {"endpoint_count": 4, "flags": ["open_surface"]}
 
@@ -120,7 +121,7 @@ def test_features_that_do_not_fit_their_count_are_refused(
         conn.exec_driver_sql("UPDATE endpoint_features SET endpoint_count = 3")
 
 
-def test_labelled_features(
+def test_labelled(
     database: Database, collection: Collection, upload: Upload, describe: Describe
 ) -> None:
     one, _ = upload(label="ants", name="first")
@@ -132,11 +133,11 @@ def test_labelled_features(
     describe(omega(2), Profile(bands=17))
     describe(omega(3, 2))
     with database.read() as conn:
-        found = results.labelled_features(conn, collection.id, collection.profile_key)
+        found = results.labelled(conn, collection.id, collection.profile_key)
     assert (found.ids, found.names) == ([one.id, three.id], ["first", "last"])
     assert found.labels == ["ants", "bees"]
-    assert [len(features) for features in found.features] == [4, 2]
-    assert np.array_equal(found.features[1], omega(3, 2))
+    assert [len(features) for features in found.kept["srg"]] == [4, 2]
+    assert np.array_equal(found.kept["srg"][1], omega(3, 2))
 
 
 def contents(index: Index, ids: list[str]) -> dict[str, bytes]:

@@ -139,7 +139,8 @@ def test_the_mesh_of_a_query_goes_with_the_end_of_its_task(worker, monkeypatch, 
 @pytest.mark.parametrize("computation", ["describe", "evaluate"])
 def test_results_that_are_written_slowly_keep_the_claim(worker, monkeypatch, computation):
     """Every blob takes longer to write than the lease lasts; the child is left out."""
-    finished = SimpleNamespace(files=dict.fromkeys(["cleaned", "denoised", "description", "report", "matrix"]))
+    files = dict.fromkeys([*describe.results.BLOBS, "description", "kept", "report", "matrix"])
+    finished = SimpleNamespace(files=files, answer={"refused": {}})
     finished.files["report"] = io.BytesIO(b"{}")
     another = []
 
@@ -157,6 +158,7 @@ def test_results_that_are_written_slowly_keep_the_claim(worker, monkeypatch, com
     monkeypatch.setattr(type(worker._tools), "described", run)
     monkeypatch.setattr(worker._sandbox, "run", run)
     monkeypatch.setattr(describe.Description, "load", lambda _: None)
+    monkeypatch.setattr(describe.kept, "load", lambda _: {})
     monkeypatch.setattr(describe.results, "store_description", lambda conn, task, *_, **__: tasks.succeed(conn, task))
     task = queued(worker)
     if computation == "evaluate":
