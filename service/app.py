@@ -34,6 +34,7 @@ from service.routes import (
     events,
     operations,
     pages,
+    plots,
     queries,
     rankings,
     results,
@@ -53,8 +54,8 @@ DESCRIPTION = (
 
 _ROUTERS: tuple[APIRouter, ...] = (
     collections.router, shapes.router, bulk.router, synthetic.router, results.router, drawn.router, queries.router,
-    rankings.router, denoise.router, tasks.router, events.router, evaluations.router, about.router, operations.router,
-    pages.router,
+    rankings.router, denoise.router, tasks.router, events.router, evaluations.router, plots.router, about.router,
+    operations.router, pages.router,
 )  # fmt: skip
 
 

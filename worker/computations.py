@@ -12,16 +12,22 @@ import json
 import socket
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from reebase.errors import MeshError, MissingPackage, ReebaseError
 from reebase.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from reebase.evaluation import Evaluation
 from worker.denoising import denoise
 from worker.stacks import pack, unpack
 
 __all__ = ["COMPUTATIONS", "warm"]
+
+_WORST = 50
+"""Queries whose mistakes are kept with a report."""
 
 Progress = Callable[[str, float], None]
 Computation = Callable[[dict[str, Any], BinaryIO, Mapping[str, BinaryIO], Progress], dict[str, Any]]
@@ -97,9 +103,31 @@ def evaluate(
         dissimilarities, arguments["labels"], arguments["names"],
         bootstrap=arguments["bootstrap"], seed=arguments["seed"],
     )  # fmt: skip
-    outputs["report"].write(json.dumps(evaluation.to_json()).encode())
+    report = {**evaluation.to_json(), "mistakes": _mistakes(evaluation)}
+    outputs["report"].write(json.dumps(report).encode())
     np.save(outputs["matrix"], dissimilarities, allow_pickle=False)
     return {}
+
+
+def _mistakes(evaluation: Evaluation) -> dict[str, Any]:
+    """Which classes are taken for which, and the worst queries with what they retrieved; rows by number."""
+    from reebase.evaluation.mistakes import confusion
+    from reebase.report.lists import worst
+
+    table = confusion(evaluation)
+    return {
+        "confusion": {"labels": list(table.labels), "counts": table.counts.tolist()},
+        "worst": [
+            {
+                "row": row.query, "average_precision": row.average_precision,
+                "hits": [
+                    {"row": hit, "relevant": relevant, "dissimilarity": float(evaluation.matrix[row.query, hit])}
+                    for hit, relevant in zip(row.hits, row.relevant, strict=True)
+                ],
+            }
+            for row in worst(evaluation, _WORST)
+        ],
+    }  # fmt: skip
 
 
 def synthesise(
