@@ -130,6 +130,28 @@ def _mistakes(evaluation: Evaluation) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def map_collection(
+    arguments: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
+) -> dict[str, Any]:
+    """A place in the plane for each of n shapes.
+
+    source: what each part of the ranking keeps of them, packed. arguments: ``descriptor``, ``measure``. outputs:
+    ``points`` (JSON).
+    """
+    from reebase.embedding import neighbours_kept, plane
+    from reebase.ranking import Ranking
+
+    ranking = Ranking(arguments["descriptor"], arguments["measure"], rerank=False)
+    dissimilarities = ranking.matrix(
+        unpack(source), progress=lambda fraction: progress("matrix", 0.6 * fraction)
+    )
+    progress("plane", 0.6)
+    points = plane(dissimilarities)
+    made = {"points": points.round(4).tolist(), "neighbours_kept": round(neighbours_kept(dissimilarities, points), 4)}
+    outputs["points"].write(json.dumps(made).encode())
+    return {}
+
+
 def synthesise(
     arguments: dict[str, Any], _: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
 ) -> dict[str, Any]:
@@ -152,7 +174,8 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
 
 
 COMPUTATIONS: dict[str, Computation] = {
-    "denoise": denoise, "describe": describe, "evaluate": evaluate, "probe": probe, "synthesise": synthesise,
+    "denoise": denoise, "describe": describe, "evaluate": evaluate, "map": map_collection,
+    "probe": probe, "synthesise": synthesise,
 }  # fmt: skip
 
 
