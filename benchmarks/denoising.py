@@ -201,8 +201,11 @@ def comparison(
         print(f"{name} leaves {(found[name] - chosen).mean():.2f} more, {low:.2f} to {high:.2f}")
     for (name, noisy, _), angle in zip(pairs, chosen, strict=True):
         choice = choose(noisy)
-        given = ", ".join(f"{key} {value}" for key, value in choice.parameters.items())
-        print(f"{name[:28]:28} {angle:7.2f}  {choice.surface:6} {choice.method} x{choice.iterations} {given}")
+        parts = "; ".join(
+            f"{part.share:.0%} {part.method} x{part.iterations} {' '.join(map(str, part.parameters.values()))}"
+            for part in choice.parts
+        )
+        print(f"{name[:28]:28} {angle:7.2f}  {choice.surface:6} {parts}")
 
 
 def interval(angles: np.ndarray, names: list[str], rounds: int = 10_000) -> tuple[float, float]:

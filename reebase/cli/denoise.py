@@ -113,9 +113,11 @@ def _value(text: str) -> str | bool | int | float:
 
 def _said(choice: Any) -> str:
     """A choice as options of this command, and its reason."""
-    options = "".join(f" --set {name}={value}" for name, value in choice.parameters.items())
-    how = f"{choice.method} --iterations {choice.iterations}{options}" if choice.iterations else "none"
-    return f"auto: --method {how}\n  {choice.reason}"
+    lines = []
+    for part in choice.parts:
+        options = "".join(f" --set {name}={value}" for name, value in part.parameters.items())
+        lines.append(f"{part.share:.0%} of --method {part.method} --iterations {part.iterations}{options}")
+    return "\n  ".join([f"auto: {lines[0] if lines else '--method none'}", *lines[1:], choice.reason])
 
 
 def _stages(before: Mesh, after: Mesh) -> list[tuple[str, Mesh]]:

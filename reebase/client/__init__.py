@@ -31,6 +31,7 @@ try:
         Counts,
         Coverage,
         Denoised,
+        DenoisingPart,
         Descriptor,
         Errors,
         Evaluation,
@@ -58,8 +59,8 @@ except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is 
     raise MissingPackage("The client needs httpx: pip install 'reebase[client]'.") from missing
 
 __all__ = [
-    "Answer", "Choice", "Client", "Collection", "Counts", "Coverage", "Denoised", "Descriptor", "Errors",
-    "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch",
-    "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits", "ServiceUnreachable", "Shape", "Source",
-    "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload", "WaitTimeout",
+    "Answer", "Choice", "Client", "Collection", "Counts", "Coverage", "Denoised", "DenoisingPart", "Descriptor",
+    "Errors", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part",
+    "PartMatch", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits", "ServiceUnreachable",
+    "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload", "WaitTimeout",
 ]  # fmt: skip

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from reebase.client.errors import ServiceError
 
 __all__ = [
-    "Answer", "Choice", "Collection", "Counts", "Coverage", "Denoised", "Descriptor", "Errors", "Evaluation",
-    "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch", "Progress",
-    "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
+    "Answer", "Choice", "Collection", "Counts", "Coverage", "Denoised", "DenoisingPart", "Descriptor", "Errors",
+    "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch",
+    "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
 ]  # fmt: skip
 
 _Record = TypeVar("_Record")
@@ -228,12 +228,20 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """What ``auto`` picked, and why; as ``reebase.denoise.Choice``."""
+class DenoisingPart:
+    """A filter by its arguments, and its share of the mean; as ``reebase.denoise.Part``."""
 
+    share: float
     method: str
     iterations: int
     parameters: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What ``auto`` picked, and why; as ``reebase.denoise.Choice``."""
+
+    parts: tuple[DenoisingPart, ...]
     noise: float
     surface: str
     reason: str
@@ -456,9 +464,12 @@ def evaluation_of(values: Json) -> Evaluation:
 
 
 def denoised_of(values: Json) -> Denoised:
-    choice, errors = values["choice"], values["errors"] or {}
+    errors, choice = values["errors"] or {}, None
+    if values["choice"] is not None:
+        parts = tuple(record(DenoisingPart, part) for part in values["choice"]["parts"])
+        choice = record(Choice, values["choice"], parts=parts)
     both = {stage: record(Errors, errors[stage]) if errors else None for stage in ("before", "after")}
-    return record(Denoised, values, choice=None if choice is None else record(Choice, choice), **both)
+    return record(Denoised, values, choice=choice, **both)
 
 
 def field_of(values: Json) -> npt.NDArray[np.float64]:

@@ -6,7 +6,7 @@
 truth.
 """
 
-from reebase.denoise.automatic import Choice
+from reebase.denoise.automatic import Choice, Part
 from reebase.denoise.errors import (
     Errors,
     displacement,
@@ -23,7 +23,7 @@ from reebase.denoise.noise import NOISES, add_noise
 from reebase.denoise.soup import joined_soup
 
 __all__ = [
-    "BOUNDARIES", "METHODS", "NOISES", "Choice", "Errors", "add_noise", "apply_choice", "choose", "denoise",
+    "BOUNDARIES", "METHODS", "NOISES", "Choice", "Errors", "Part", "add_noise", "apply_choice", "choose", "denoise",
     "displacement", "edge_angle", "face_normal_error", "joined_soup", "mean_angle", "measure_errors", "vertex_error",
     "visual_error", "volume_change",
 ]  # fmt: skip

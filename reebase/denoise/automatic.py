@@ -1,8 +1,9 @@
-"""Filter, strength and iterations chosen from the mesh itself, by the error of normals that each would leave.
+"""Filters, strength and iterations chosen from the mesh itself, by the error of normals that each would leave.
 
 Idea: which filter serves best depends on the noise and on the surface, and both can be asked of the noisy mesh. Each
-candidate is tried, and Stein's unbiased estimate says how far its result is from the truth without the truth. Use it
-when nothing is known of a mesh. Source of the estimate: C. M. Stein, Estimation of the Mean of a Multivariate Normal
+candidate is tried, and Stein's unbiased estimate says how far its result is from the truth without the truth. Those
+that come near the best are averaged: their errors are not all the same, so that the mean has less. Use it when nothing
+is known of a mesh. Source of the estimate: C. M. Stein, Estimation of the Mean of a Multivariate Normal
 Distribution, Annals of Statistics 9 (1981); its divergence by S. Ramani, T. Blu and M. Unser, Monte-Carlo SURE, IEEE
 TIP 17 (2008).
 
@@ -17,10 +18,14 @@ as good as random while neither order nor rotation matters, and then the cosine;
 by 1 / length, those that touch a boundary do not count. The rule:
 
 1. sigma below ``CLEAN``: the mesh comes out exactly as it was. sigma is the robust level of ``noise_levels``.
-2. sigma from ``STRONG``: the guided filter at its longest; the estimate is of first order and fails there.
-3. Otherwise the least S, with sigma the other level, which is larger where the noise comes in impulses. If no S is
-   below 0, which is that of doing nothing, nothing is done. Where the levels differ by more than ``IMPULSES`` times,
-   filters that could take an impulse for a feature are left out.
+2. sigma from ``STRONG``: the guided filter, ``LONGEST`` times; the estimate is of first order and fails there.
+3. Otherwise the ``MOST`` filters with the least S weigh exp((S_best - S) / (``NARROW`` |S_best|)), with sigma the other
+   level, which is larger where the noise comes in impulses; those below ``SMALL`` are left out. If no S is below 0,
+   which is that of doing nothing, nothing is done. Where the levels differ by more than ``IMPULSES`` times, filters
+   that could take an impulse for a feature are left out.
+
+The mean of the displacements, by these weights, then keeps 1 - ``SLIDE`` of its part within the surface: noise is
+mostly along the normals, and what slides is mostly error.
 
 On a clean mesh sigma measures what of its relief is as fine as its edges. Below ``CLEAN`` the error is 0; beyond, where
 such relief cannot be told from noise, vertices move by less than sigma on average.
@@ -30,6 +35,7 @@ Large meshes are judged by ``PATCHES`` patches with ``SAMPLE`` vertices in all.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -45,13 +51,18 @@ from reebase.denoise.taubin import TAUBIN
 from reebase.mesh.geometry import lengths, normalised
 from reebase.mesh.topology import rings
 
-__all__ = ["AUTO", "Choice", "chosen"]
+__all__ = ["AUTO", "Choice", "Part", "applied", "chosen"]
 
 CLEAN = 0.04
 STRONG = 0.4
+LONGEST = 16
 SAMPLE = 6000
 PATCHES = 6
 IMPULSES = 1.2
+NARROW = 0.015
+MOST = 3
+SMALL = 0.1
+SLIDE = 0.25
 PROBE = 0.1
 """eps over sigma."""
 FREQUENCY = 1000.0
@@ -74,7 +85,7 @@ class Candidate:
     stubborn: bool = False
 
 
-GUIDED = Candidate(GUIDED_NORMAL, {"sigma_s": 0.5, "reach": 2.0, "normal_iterations": 1}, (4, 8, 16), "sharp")
+GUIDED = Candidate(GUIDED_NORMAL, {"sigma_s": 0.5, "reach": 2.0, "normal_iterations": 1}, (4, 8), "sharp")
 CANDIDATES = (
     GUIDED,
     Candidate(
@@ -84,10 +95,10 @@ CANDIDATES = (
         BILATERAL_NORMAL, {"sigma_s": 0.5, "normal_iterations": 3, "vertex_iterations": 15}, (1,), "smooth"
     ),
     Candidate(
-        BILATERAL_NORMAL, {"sigma_s": 0.8, "normal_iterations": 4, "vertex_iterations": 15}, (1,), "smooth"
+        BILATERAL_NORMAL, {"sigma_s": 0.5, "normal_iterations": 8, "vertex_iterations": 15}, (1,), "sharp"
     ),
     Candidate(
-        BILATERAL_NORMAL, {"sigma_s": 0.8, "normal_iterations": 10, "vertex_iterations": 15}, (1,), "smooth"
+        BILATERAL_NORMAL, {"sigma_s": 0.8, "normal_iterations": 4, "vertex_iterations": 15}, (1,), "smooth"
     ),
     Candidate(TAUBIN, {"along": "normals"}, (4, 10, 20), "scan"),
 )  # fmt: skip
@@ -100,17 +111,25 @@ KINDS = {
 
 
 @dataclass(frozen=True)
-class Choice:
-    """What ``auto`` picked for a mesh, and why.
+class Part:
+    """A filter by its arguments of ``denoise``, and its share of the mean."""
 
-    method, iterations, parameters: arguments of ``denoise``; method is "none" and iterations 0 where the mesh is better
-    left alone. noise: the standard deviation of the noise along normals, in mean edge lengths. surface: "sharp",
-    "smooth", "scan", or "clean" when nothing is to be done.
-    """
-
+    share: float
     method: str
     iterations: int
     parameters: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What ``auto`` picked for a mesh, and why.
+
+    parts: the largest share first; none where the mesh is better left alone. noise: the standard deviation of the noise
+    along normals, in mean edge lengths. surface: that which the first part suits, "sharp", "smooth" or "scan", or
+    "clean" when nothing is to be done.
+    """
+
+    parts: tuple[Part, ...]
     noise: float
     surface: str
     reason: str
@@ -121,34 +140,37 @@ def chosen(surface: Surface) -> Choice:
     robust, square = noise_levels(surface)
     if not robust >= CLEAN:
         said = f"The noise is {robust:.3f} of a mean edge, below {CLEAN}: the mesh counts as clean and stays."
-        return Choice("none", 0, {}, robust, "clean", said)
+        return Choice((), robust, "clean", said)
     if robust >= STRONG:
-        return _picked(GUIDED, GUIDED.iterations[-1], robust, f"which is strong, from {STRONG}")
+        parts = (Part(1.0, GUIDED.filter.name, LONGEST, dict(GUIDED.parameters)),)
+        said = f"The noise is {robust:.3f} of a mean edge, which is strong, from {STRONG}."
+        return Choice(parts, robust, GUIDED.surface, said)
     part = _sample(surface)
     tried = [entry for entry in CANDIDATES if not (entry.stubborn and square > IMPULSES * robust)]
     risks = _risks(part, square, tried)
-    (place, iterations), least = min(risks.items(), key=lambda entry: entry[1])
+    least = min(risks.values())
     if not least < 0:
         said = f"The noise is {robust:.3f} of a mean edge, and every filter would take more of the surface than of it."
-        return Choice("none", 0, {}, robust, "clean", said)
-    best = tried[place]
+        return Choice((), robust, "clean", said)
+    weights = {one: math.exp((least - risk) / (NARROW * -least)) for one, risk in risks.items()}
+    ranked = sorted(weights.items(), key=lambda entry: -entry[1])[:MOST]
+    kept = {one: weight for one, weight in ranked if weight >= SMALL}
+    mixed = tuple(
+        Part(weight / sum(kept.values()), tried[place].filter.name, count, dict(tried[place].parameters))
+        for (place, count), weight in kept.items()
+    )
+    best = tried[ranked[0][0][0]].surface
     gains: dict[str, float] = {}
-    for (which, _), risk in risks.items():
-        kind = tried[which].surface
+    for (place, _), risk in risks.items():
+        kind = tried[place].surface
         gains[kind] = max(gains.get(kind, 0.0), risk / least)
     beside = ", ".join(f"{kind} {gain:.0%}" for kind, gain in gains.items())
-    why = (
-        f"and by Stein's estimate on {len(part.positions)} vertices this comes nearest to the true normals of "
-        f"{len(risks)} candidates, as on {KINDS[best.surface]} (gain by kind: {beside})"
+    said = (
+        f"The noise is {robust:.3f} of a mean edge, and by Stein's estimate on {len(part.positions)} vertices "
+        f"{'this comes' if len(mixed) == 1 else f'these {len(mixed)} come'} nearest to the true normals of "
+        f"{len(risks)} candidates, as on {KINDS[best]} (gain by kind: {beside})."
     )
-    return _picked(best, iterations, robust, why)
-
-
-def _picked(candidate: Candidate, iterations: int, noise: float, why: str) -> Choice:
-    return Choice(
-        candidate.filter.name, iterations, dict(candidate.parameters), noise, candidate.surface,
-        f"The noise is {noise:.3f} of a mean edge, {why}.",
-    )  # fmt: skip
+    return Choice(mixed, robust, best, said)
 
 
 def _risks(
@@ -236,27 +258,41 @@ def _anything(_: FloatArray, displacements: FloatArray) -> FloatArray:
     return displacements
 
 
+def applied(surface: Surface, choice: Choice) -> FloatArray:
+    """The displacement of each vertex, (m, 3), that a choice makes of the surface's positions."""
+    from reebase.denoise.ring_kernels import vertex_normals
+
+    filters = {candidate.filter.name: candidate.filter for candidate in CANDIDATES}
+    total = np.zeros_like(surface.positions)
+    families: dict[tuple[Any, ...], list[Part]] = {}
+    for part in choice.parts:
+        families.setdefault((part.method, *sorted(part.parameters.items())), []).append(part)
+    for parts in families.values():
+        entry = filters[parts[0].method]
+        step = entry.prepare(surface, entry.checked(parts[0].parameters))
+        positions = surface.positions
+        for count in range(1, max(part.iterations for part in parts) + 1):
+            positions = positions + surface.hold(positions, step(positions))
+            for part in parts:
+                if part.iterations == count:
+                    total += part.share * (positions - surface.positions)
+    normals = normalised(vertex_normals(surface.positions + total, surface.faces, True))
+    across = (total * normals).sum(axis=1)[:, None] * normals
+    return np.asarray(total + SLIDE * (across - total))
+
+
 def prepare(surface: Surface, _: Mapping[str, Any]) -> Step:
     """A choice, and all of its iterations."""
-    filters = {candidate.filter.name: candidate.filter for candidate in CANDIDATES}
 
     def step(positions: FloatArray) -> FloatArray:
         here = replace(surface, positions=positions)
-        choice = chosen(here)
-        if choice.method == "none":
-            return np.zeros_like(positions)
-        entry = filters[choice.method]
-        inner = entry.prepare(here, entry.checked(choice.parameters))
-        moved = positions
-        for _ in range(choice.iterations):
-            moved = moved + surface.hold(moved, inner(moved))
-        return moved - positions
+        return applied(here, chosen(here))
 
     return step
 
 
 AUTO = Filter(
     name="auto",
-    summary="chooses filter, strength and iterations by the error that each would leave; a clean mesh stays",
+    summary="chooses filters, strength and iterations by the error that each would leave; a clean mesh stays",
     prepare=prepare,
 )

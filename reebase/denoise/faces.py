@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise.filter import FloatArray, Number, Surface
-from reebase.mesh.geometry import lengths
 from reebase.mesh.topology import edges
 
-__all__ = ["VERTEX_ITERATIONS", "centroid_distance", "faces_across", "faces_around", "followed"]
+__all__ = [
+    "VERTEX_ITERATIONS", "centroid_distance", "faces_across", "faces_around", "followed", "later_beside",
+]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
 
@@ -24,21 +25,40 @@ def faces_around(surface: Surface) -> tuple[IntArray, IntArray]:
     from reebase.denoise.face_kernels import around_faces
     from reebase.mesh.topology_kernels import group
 
-    starts, corners = group(surface.faces.ravel().copy(), len(surface.positions))
-    return around_faces(surface.faces, starts, corners)
+    if "around" not in surface.known:
+        starts, corners = group(surface.faces.ravel().copy(), len(surface.positions))
+        surface.known["around"] = around_faces(surface.faces, starts, corners)
+    starts, rows = surface.known["around"]
+    return starts, rows
+
+
+def sides_across(surface: Surface) -> tuple[IntArray, IntArray]:
+    """The two sides along each edge that has two: two arrays of sides 3f + k."""
+    if "across" not in surface.known:
+        surface.known["across"] = edges(surface.faces).pairs
+    first, second = surface.known["across"]
+    return first, second
 
 
 def faces_across(surface: Surface) -> tuple[IntArray, IntArray]:
     """The two faces along each edge that has two: two arrays of faces."""
-    first, second = edges(surface.faces).pairs
+    first, second = sides_across(surface)
     return first // np.int32(3), second // np.int32(3)
+
+
+def later_beside(surface: Surface) -> IntArray:
+    """Across each side the other face if it comes later, else the face itself, (n, 3)."""
+    first, second = sides_across(surface)
+    beside = np.repeat(np.arange(len(surface.faces), dtype=np.int32), 3)
+    beside[np.minimum(first, second)] = np.maximum(first, second) // np.int32(3)
+    return beside.reshape(-1, 3)
 
 
 def centroid_distance(centroids: FloatArray, across: tuple[IntArray, IntArray]) -> float:
     """The mean distance between the centroids of faces that share an edge; at least 1e-6, and 1 without such."""
-    if len(across[0]) == 0:
-        return 1.0
-    return max(float(lengths(centroids[across[0]] - centroids[across[1]]).mean()), 1e-6)
+    from reebase.denoise.face_kernels import mean_distance_across
+
+    return max(mean_distance_across(centroids, *across), 1e-6) if len(across[0]) else 1.0
 
 
 def followed(surface: Surface, positions: FloatArray, normals: FloatArray, moves: int) -> FloatArray:

@@ -34,7 +34,8 @@ class Surface:
 
     positions: (m, 3), where the vertices are before the first step. faces: int32, (n, 3). rings: built once.
     unit: that mean edge length in the mesh's own units, for what is printed in raw units. hold: for steps made
-    of several moves, each of which has to respect the boundary; ``denoise`` applies it to whole steps.
+    of several moves, each of which has to respect the boundary; ``denoise`` applies it to whole steps. known: what
+    was found of the faces alone, by name, for filters that follow one another.
     """
 
     positions: FloatArray
@@ -42,6 +43,7 @@ class Surface:
     rings: Rings
     unit: float = 1.0
     hold: Hold = free
+    known: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

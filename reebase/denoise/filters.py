@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise.anisotropic import ANISOTROPIC
-from reebase.denoise.automatic import AUTO, Choice, chosen
+from reebase.denoise.automatic import AUTO, Choice, applied, chosen
 from reebase.denoise.bilateral import BILATERAL
 from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
 from reebase.denoise.fairing import FAIRING
@@ -85,7 +85,7 @@ def denoise(
 
 
 def choose(mesh: Mesh) -> Choice:
-    """What ``denoise(mesh, "auto")`` runs, and why; "none" for a mesh without extent."""
+    """What ``denoise(mesh, "auto")`` runs, and why; nothing for a mesh without extent."""
     around = rings(mesh.faces, len(mesh.vertices))
     start, scale = framed(mesh.vertices, around)
     return chosen(Surface(start, mesh.faces, around, scale))
@@ -95,9 +95,13 @@ def apply_choice(mesh: Mesh, choice: Choice, boundary: str = "curve") -> Mesh:
     """What ``denoise(mesh, "auto")`` gives, for the choice that ``choose`` made. Raises UnknownName."""
     if boundary not in BOUNDARIES:
         raise unknown_name("boundary", boundary, BOUNDARIES)
-    if choice.method == "none":
+    around = rings(mesh.faces, len(mesh.vertices))
+    start, scale = framed(mesh.vertices, around)
+    if scale == 0 or not choice.parts:
         return mesh
-    return denoise(mesh, choice.method, choice.iterations, boundary=boundary, **choice.parameters)
+    hold = held(boundary, around)
+    moved = hold(start, applied(Surface(start, mesh.faces, around, scale, hold), choice))
+    return Mesh(mesh.vertices + scale * ((start + moved) - start), mesh.faces)
 
 
 def held(boundary: str, around: Rings) -> Hold:

@@ -1,4 +1,8 @@
-"""One step of the finite-volume filter over one-rings. Assumes valid input."""
+"""One step of the finite-volume filter over one-rings. Assumes valid input.
+
+Rings of up to SLOTS triangles are worked on BLOCK at a time, a ring a column, so that each operation is a loop over
+columns that the compiler turns into vectors; the few larger ones are columns by themselves.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,28 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from reebase.denoise.eigenvector_kernels import minor_eigenvectors
+from reebase.denoise.exponential_kernels import FAST, exponentials
 
 __all__ = ["finite_volume_step"]
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
-Vector = tuple[float, float, float]
+Index = int | np.uint32
+"""A signed index costs a test whether it counts from the end."""
 
-SEPARATED = 1e-6
-"""The two smaller eigenvalues count as one when closer than this times the deviator's norm over sqrt 6."""
+BLOCK = 64
+SLOTS = 8
+
+NETWORK = (
+    (0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (1, 2), (5, 6),
+    (0, 4), (1, 5), (2, 6), (3, 7), (2, 4), (3, 5), (1, 2), (3, 4), (5, 6),
+)  # fmt: skip
+"""Batcher's: rows that are compared, one pair after another, until all eight are sorted."""
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def median(values: FloatArray, count: int) -> float:
     """The median of the first ``count`` values, which are sorted in place (Shell's sort: rings are short)."""
     gap = 1
@@ -39,91 +52,12 @@ def median(values: FloatArray, count: int) -> float:
     return float(0.5 * (values[middle - 1] + values[middle]))
 
 
-@njit(cache=True, nogil=True)
-def null_vector(a: float, b: float, c: float, d: float, e: float, f: float) -> Vector:
-    """Unit vector that the singular matrix ((a, b, c), (b, d, e), (c, e, f)) takes to zero.
-
-    It is the longest of the cross products of two rows, which does not vanish when the rank is 2.
-    """
-    px, py, pz = b * e - c * d, c * b - a * e, a * d - b * b
-    qx, qy, qz = b * f - c * e, c * c - a * f, a * e - b * c
-    rx, ry, rz = d * f - e * e, e * c - b * f, b * e - d * c
-    p, q, r = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, rx * rx + ry * ry + rz * rz
-    if p < q:
-        px, py, pz, p = qx, qy, qz, q
-    if p < r:
-        px, py, pz, p = rx, ry, rz, r
-    length = math.sqrt(p)
-    return px / length, py / length, pz / length
-
-
-@njit(cache=True, nogil=True)
-def lower_in_plane(
-    a: float, b: float, c: float, d: float, e: float, f: float, x: float, y: float, z: float
-) -> tuple[float, float, float, float]:
-    """The lower eigenvector of ((a, b, c), (b, d, e), (c, e, f)) across its unit eigenvector (x, y, z).
-
-    Also returned, last: the difference of the two eigenvalues across it.
-    """
-    if abs(x) > abs(z):
-        length = math.sqrt(x * x + y * y)
-        ux, uy, uz = -y / length, x / length, 0.0
-    else:
-        length = math.sqrt(y * y + z * z)
-        ux, uy, uz = 0.0, -z / length, y / length
-    vx, vy, vz = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
-    sx, sy, sz = a * ux + b * uy + c * uz, b * ux + d * uy + e * uz, c * ux + e * uy + f * uz
-    tx, ty, tz = a * vx + b * vy + c * vz, b * vx + d * vy + e * vz, c * vx + e * vy + f * vz
-    tilt = 0.5 * (ux * sx + uy * sy + uz * sz - vx * tx - vy * ty - vz * tz)
-    mixed = ux * tx + uy * ty + uz * tz
-    radius = math.sqrt(tilt * tilt + mixed * mixed)
-    if tilt >= 0.0:
-        along, across = -mixed, tilt + radius
-    else:
-        along, across = radius - tilt, -mixed
-    length = math.sqrt(along * along + across * across)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    along, across = along / length, across / length
-    return along * ux + across * vx, along * uy + across * vy, along * uz + across * vz, 2.0 * radius
-
-
-@njit(cache=True, nogil=True)
-def minor_eigenvector(
-    a: float, b: float, c: float, d: float, e: float, f: float, root: float, otherwise: Vector
-) -> Vector:
-    """Unit eigenvector of the smallest eigenvalue of the deviator ((a, b, c), (b, d, e), (c, e, f)).
-
-    root: its Frobenius norm over sqrt 6, so that its eigenvalues are 2 root cos(t), 2 root cos(t ± 2 pi / 3).
-    The eigenvector whose eigenvalue stands apart is found first, and the minor one across it where it is
-    another: so its error is rounding over the gap, as a library's. Its sign is that of ``otherwise``, which is
-    returned when the smallest eigenvalue is not simple.
-    """
-    if root <= 0.0:
-        return otherwise
-    a, b, c, d, e, f = a / root, b / root, c / root, d / root, e / root, f / root
-    half = 0.5 * (a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d))
-    angle = math.acos(min(1.0, max(-1.0, half))) / 3.0
-    if half <= 0.0:
-        lowest = 2.0 * math.cos(angle + 2.0 * math.pi / 3.0)
-        x, y, z = null_vector(a - lowest, b, c, d - lowest, e, f - lowest)
-    else:
-        highest = 2.0 * math.cos(angle)
-        x, y, z = null_vector(a - highest, b, c, d - highest, e, f - highest)
-        x, y, z, gap = lower_in_plane(a, b, c, d, e, f, x, y, z)
-        if gap <= SEPARATED:
-            return otherwise
-    if x * otherwise[0] + y * otherwise[1] + z * otherwise[2] < 0.0:
-        return -x, -y, -z
-    return x, y, z
-
-
-@njit(cache=True, nogil=True)
+@FAST
 def areas_of_rings(positions: FloatArray, faces: IntArray) -> FloatArray:
     """a_j: the area of the triangles round each vertex, (m,)."""
     areas = np.zeros(len(positions))
     for t in range(len(faces)):
-        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        i, j, k = np.uint32(faces[t, 0]), np.uint32(faces[t, 1]), np.uint32(faces[t, 2])
         x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
         ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
         vx, vy, vz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
@@ -135,94 +69,174 @@ def areas_of_rings(positions: FloatArray, faces: IntArray) -> FloatArray:
     return areas
 
 
-@njit(cache=True, nogil=True)
-def centroids_of_ring(
-    positions: FloatArray, i: int, ring: IntArray, begin: int, size: int, centroids: FloatArray
-) -> Vector:
-    """Fills c_j - v_i for the triangles round i, (size, 3); returns their area-weighted normal, or zero."""
-    x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+@FAST
+def triangles_of_ring(
+    positions: FloatArray, i: Index, ring: IntArray, begin: Index, size: int, centroids: FloatArray,
+    normals: FloatArray, column: int,
+) -> None:  # fmt: skip
+    """Fills a column: c_j - v_i of the triangles round i, (3, slots, columns), and their area-weighted normal."""
+    px, py, pz = positions[i, 0], positions[i, 1], positions[i, 2]
     nx, ny, nz = 0.0, 0.0, 0.0
     for k in range(size):
-        j, h = ring[begin + k, 0], ring[begin + k, 1]
-        ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
-        vx, vy, vz = positions[h, 0] - x, positions[h, 1] - y, positions[h, 2] - z
+        j, h = np.uint32(ring[begin + k, 0]), np.uint32(ring[begin + k, 1])
+        ux, uy, uz = positions[j, 0] - px, positions[j, 1] - py, positions[j, 2] - pz
+        vx, vy, vz = positions[h, 0] - px, positions[h, 1] - py, positions[h, 2] - pz
         nx += uy * vz - uz * vy
         ny += uz * vx - ux * vz
         nz += ux * vy - uy * vx
-        centroids[k, 0] = (ux + vx) / 3.0
-        centroids[k, 1] = (uy + vy) / 3.0
-        centroids[k, 2] = (uz + vz) / 3.0
+        centroids[0, k, column] = (ux + vx) * (1.0 / 3.0)
+        centroids[1, k, column] = (uy + vy) * (1.0 / 3.0)
+        centroids[2, k, column] = (uz + vz) * (1.0 / 3.0)
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    if length > 0.0:
-        return nx / length, ny / length, nz / length
-    return 0.0, 0.0, 0.0
+    scale = 1.0 / length if length > 0.0 else 0.0
+    normals[0, column], normals[1, column], normals[2, column] = scale * nx, scale * ny, scale * nz
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def spread_of_neighbours(
-    positions: FloatArray, i: int, neighbours: IntArray, begin: int, end: int, areas: FloatArray
-) -> tuple[float, float, float, float, float, float, float]:
-    """C_i (3.2) about mu_i (3.1): a third of its trace, then its deviator's xx, xy, xz, yy, yz, zz."""
+    positions: FloatArray, i: Index, neighbours: IntArray, begin: Index, end: Index, areas: FloatArray,
+    deviators: FloatArray, means: FloatArray, column: int,
+) -> None:  # fmt: skip
+    """Fills a column: the deviator of C_i (3.2) about mu_i (3.1), xx, xy, xz, yy, yz, zz, and a third of C_i's trace.
+
+    With u_j = v_j - v_i and m the mean by areas, C = sum u u^T - (sum u) m^T - m (sum u)^T + d m m^T.
+    """
     x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
-    total, mx, my, mz = 0.0, 0.0, 0.0, 0.0
-    for k in range(begin, end):
-        j = neighbours[k]
-        total += areas[j]
-        mx += areas[j] * (positions[j, 0] - x)
-        my += areas[j] * (positions[j, 1] - y)
-        mz += areas[j] * (positions[j, 2] - z)
+    total, mx, my, mz, sx, sy, sz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(begin, end):
+        j = np.uint32(neighbours[k])
+        area = areas[j]
+        ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
+        total += area
+        mx += area * ux
+        my += area * uy
+        mz += area * uz
+        sx += ux
+        sy += uy
+        sz += uz
+        xx += ux * ux
+        xy += ux * uy
+        xz += ux * uz
+        yy += uy * uy
+        yz += uy * uz
+        zz += uz * uz
     if total > 0.0:
-        mx, my, mz = x + mx / total, y + my / total, z + mz / total
-        for k in range(begin, end):
-            j = neighbours[k]
-            ux, uy, uz = positions[j, 0] - mx, positions[j, 1] - my, positions[j, 2] - mz
-            xx += ux * ux
-            xy += ux * uy
-            xz += ux * uz
-            yy += uy * uy
-            yz += uy * uz
-            zz += uz * uz
+        mx, my, mz = mx / total, my / total, mz / total
+    count = float(end - begin)
+    xx += mx * (count * mx - 2.0 * sx)
+    yy += my * (count * my - 2.0 * sy)
+    zz += mz * (count * mz - 2.0 * sz)
+    xy += count * mx * my - sx * my - mx * sy
+    xz += count * mx * mz - sx * mz - mx * sz
+    yz += count * my * mz - sy * mz - my * sz
     mean = (xx + yy + zz) / 3.0
-    return mean, xx - mean, xy, xz, yy - mean, yz, zz - mean
+    means[column] = mean
+    deviators[0, column], deviators[1, column], deviators[2, column] = xx - mean, xy, xz
+    deviators[3, column], deviators[4, column], deviators[5, column] = yy - mean, yz, zz - mean
 
 
-@njit(cache=True, nogil=True)
-def scale_of(
-    centroids: FloatArray, offsets: FloatArray, size: int, robust: bool, scratch: FloatArray
-) -> float:
-    """sigma: scaled median absolute deviation of the offsets, or root mean square of |c_j - v_i|."""
+@FAST
+def directions(
+    deviators: FloatArray, means: FloatArray, minor: bool, anisotropic: bool, normals: FloatArray, result: FloatArray
+) -> None:
+    """FA (3.4) of each column, or 1; where asked for, minor eigenvectors take the place of the normals.
+
+    deviators: (6, columns). means: a third of the trace of C.
+    """
+    columns = len(means)
+    roots = np.empty(columns)
+    for v in range(columns):
+        xx, xy, xz = deviators[0, v], deviators[1, v], deviators[2, v]
+        yy, yz, zz = deviators[3, v], deviators[4, v], deviators[5, v]
+        # |C - mean I|_F^2 / 6; |C|_F^2 is six times this plus 3 mean^2.
+        square = (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
+        roots[v] = math.sqrt(square)
+        result[v] = math.sqrt(3.0 * square / (2.0 * square + means[v] * means[v])) if anisotropic else 1.0
+    if minor:
+        minor_eigenvectors(deviators, roots, normals)
+
+
+@FAST
+def medians(values: FloatArray, sizes: IntArray, result: FloatArray) -> None:
+    """The median of each column's first ``sizes`` numbers, below which are infinite ones; sorts the columns."""
+    if len(values) == SLOTS:
+        for one, other in NETWORK:
+            for v in range(len(sizes)):
+                a, b = values[one, v], values[other, v]
+                values[one, v], values[other, v] = min(a, b), max(a, b)
+        for v in range(len(sizes)):
+            size = sizes[v]
+            result[v] = 0.5 * (values[(size - 1) // 2, v] + values[size // 2, v])
+    else:
+        result[0] = median(values[:, 0], sizes[0])
+
+
+@FAST
+def scales(
+    offsets: FloatArray, squares: FloatArray, sizes: IntArray, robust: bool, floor: float, scratch: FloatArray,
+    result: FloatArray,
+) -> None:  # fmt: skip
+    """1 / (2 sigma^2) of each column: of the scaled median absolute deviation of its offsets, or of the root of the
+    mean of its squares."""
+    slots, columns = offsets.shape
     if robust:
-        for k in range(size):  # not a slice: that takes seconds to compile
-            scratch[k] = offsets[k]
-        middle = median(scratch, size)
-        for k in range(size):
-            scratch[k] = abs(offsets[k] - middle)
-        return 1.4826 * median(scratch, size)
-    total = 0.0
-    for k in range(size):
-        total += centroids[k, 0] ** 2 + centroids[k, 1] ** 2 + centroids[k, 2] ** 2
-    return math.sqrt(total / size)
+        for k in range(slots):
+            for v in range(columns):
+                scratch[k, v] = offsets[k, v] if k < sizes[v] else math.inf
+        medians(scratch, sizes, result)
+        for k in range(slots):
+            for v in range(columns):
+                scratch[k, v] = abs(offsets[k, v] - result[v]) if k < sizes[v] else math.inf
+        medians(scratch, sizes, result)
+        for v in range(columns):
+            result[v] *= 1.4826
+    else:
+        for v in range(columns):
+            total = 0.0
+            for k in range(sizes[v]):
+                total += squares[k, v]
+            result[v] = math.sqrt(total / sizes[v])
+    for v in range(columns):
+        sigma = max(result[v], floor)
+        result[v] = 0.5 / (sigma * sigma)
 
 
-@njit(cache=True, nogil=True)
-def weighted_offset(
-    centroids: FloatArray, offsets: FloatArray, size: int, sigma: float, scratch: FloatArray
-) -> float:
-    """sum w r / sum w with the weights of (3.3), their exponents relative to the least, so that one is 1."""
-    least = math.inf
-    for k in range(size):
-        scratch[k] = centroids[k, 0] ** 2 + centroids[k, 1] ** 2 + centroids[k, 2] ** 2
-        least = min(least, scratch[k])
-    total, moved = 0.0, 0.0
-    for k in range(size):
-        weight = math.exp((least - scratch[k]) / (2.0 * sigma * sigma))
-        total += weight
-        moved += weight * offsets[k]
-    return moved / total
+@FAST
+def weighted_offsets(
+    centroids: FloatArray, normals: FloatArray, sizes: IntArray, robust: bool, floor: float, work: FloatArray,
+    bits: npt.NDArray[np.int64], result: FloatArray,
+) -> None:  # fmt: skip
+    """sum w r / sum w of each column, with the weights of (3.3), their exponents relative to the least: one is 1.
+
+    work: (3, slots, columns) and more; bits: the memory of its last part as integers, flat.
+    """
+    slots, columns = work.shape[1:]
+    offsets, weights, scratch = work[0], work[1], work[2]
+    least, factor = np.full(columns, math.inf), np.empty(columns)
+    for k in range(slots):
+        for v in range(columns):
+            x, y, z = centroids[0, k, v], centroids[1, k, v], centroids[2, k, v]
+            square = x * x + y * y + z * z
+            weights[k, v] = square
+            offsets[k, v] = -(x * normals[0, v] + y * normals[1, v] + z * normals[2, v])
+            least[v] = min(least[v], square if k < sizes[v] else math.inf)
+    scales(offsets, weights, sizes, robust, floor, scratch, factor)
+    for k in range(slots):
+        for v in range(columns):
+            weights[k, v] = (least[v] - weights[k, v]) * factor[v] if k < sizes[v] else -math.inf
+    exponentials(weights.reshape(-1), scratch.reshape(-1), bits, slots * columns)
+    for v in range(columns):
+        least[v], factor[v] = 0.0, 0.0
+    for k in range(slots):
+        for v in range(columns):
+            least[v] += weights[k, v]
+            factor[v] += weights[k, v] * offsets[k, v]
+    for v in range(columns):
+        result[v] = factor[v] / least[v]
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def finite_volume_step(
     positions: FloatArray, faces: IntArray, corner_starts: IntArray, ring: IntArray,
     neighbour_starts: IntArray, neighbours: IntArray, floor: float,
@@ -231,32 +245,40 @@ def finite_volume_step(
     """The displacement of every vertex in one step of (3.1)-(3.5), (m, 3); see finite_volume.py."""
     displacements = np.zeros((len(positions), 3))
     areas = areas_of_rings(positions, faces)
-    longest = 1
+    members, large = np.empty(len(positions), dtype=np.int32), np.empty(len(positions), dtype=np.int32)
+    count, others, longest = 0, 0, 1
     for i in range(len(positions)):
-        longest = max(longest, corner_starts[i + 1] - corner_starts[i])
-    centroids = np.empty((longest, 3))
-    offsets, scratch = np.empty(longest), np.empty(longest)
-    for i in range(len(positions)):
-        begin = corner_starts[i]
-        size = corner_starts[i + 1] - begin
-        if areas[i] <= 0.0:
-            continue
-        normal = centroids_of_ring(positions, i, ring, begin, size, centroids)
-        mean, xx, xy, xz, yy, yz, zz = spread_of_neighbours(
-            positions, i, neighbours, neighbour_starts[i], neighbour_starts[i + 1], areas
-        )
-        # |C - mean I|_F^2 / 6; |C|_F^2 is six times this plus 3 mean^2.
-        square = (xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0
-        fraction = math.sqrt(3.0 * square / (2.0 * square + mean * mean)) if anisotropic else 1.0
-        if minor:
-            normal = minor_eigenvector(xx, xy, xz, yy, yz, zz, math.sqrt(square), normal)
-        for k in range(size):
-            offsets[k] = -(
-                centroids[k, 0] * normal[0] + centroids[k, 1] * normal[1] + centroids[k, 2] * normal[2]
-            )
-        sigma = max(scale_of(centroids, offsets, size, robust, scratch), floor)
-        moved = -fraction * weighted_offset(centroids, offsets, size, sigma, scratch)
-        displacements[i, 0] = moved * normal[0]
-        displacements[i, 1] = moved * normal[1]
-        displacements[i, 2] = moved * normal[2]
+        size = corner_starts[i + 1] - corner_starts[i]
+        if areas[i] > 0.0 and size <= SLOTS:
+            members[count] = i
+            count += 1
+        elif areas[i] > 0.0:
+            large[others] = i
+            others += 1
+            longest = max(longest, size)
+    for turn in range(2):
+        if turn == 1:
+            members, count = large, others
+        columns, slots = (BLOCK, SLOTS) if turn == 0 else (1, max(longest, SLOTS + 1))
+        centroids, work = np.zeros((3, slots, columns)), np.zeros((3, slots, columns))
+        bits = work[2].reshape(-1).view(np.int64)
+        normals, deviators, means = np.zeros((3, columns)), np.zeros((6, columns)), np.zeros(columns)
+        sizes, fractions, moved = np.ones(columns, dtype=np.int32), np.zeros(columns), np.zeros(columns)
+        for start in range(0, count, columns):
+            filled = min(columns, count - start)
+            for v in range(filled):
+                w = np.uint32(members[start + v])
+                begin, end = np.uint32(corner_starts[w]), np.uint32(corner_starts[w + 1])
+                sizes[v] = end - begin
+                triangles_of_ring(positions, w, ring, begin, sizes[v], centroids, normals, v)
+                first, last = np.uint32(neighbour_starts[w]), np.uint32(neighbour_starts[w + 1])
+                spread_of_neighbours(positions, w, neighbours, first, last, areas, deviators, means, v)
+            directions(deviators, means, minor, anisotropic, normals, fractions)
+            weighted_offsets(centroids, normals, sizes, robust, floor, work, bits, moved)
+            for v in range(filled):
+                w = np.uint32(members[start + v])
+                step = -fractions[v] * moved[v]
+                displacements[w, 0] = step * normals[0, v]
+                displacements[w, 1] = step * normals[1, v]
+                displacements[w, 2] = step * normals[2, v]
     return displacements

@@ -23,9 +23,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
-from reebase.denoise.faces import VERTEX_ITERATIONS, centroid_distance, faces_across, faces_around, followed
+from reebase.denoise.faces import (
+    VERTEX_ITERATIONS,
+    centroid_distance,
+    faces_across,
+    faces_around,
+    followed,
+    later_beside,
+)
 from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
 
 __all__ = ["GUIDED_NORMAL"]
@@ -35,18 +40,16 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     """One round of passes on this surface."""
     from reebase.denoise.face_kernels import bilateral_normals, face_geometry
     from reebase.denoise.guided_normal_kernels import guiding_normals
-    from reebase.mesh.topology_kernels import group
 
     starts, rows = faces_around(surface)
-    first, second = across = faces_across(surface)
-    next_starts, order = group(np.concatenate([first, second]), len(surface.faces))
-    beside = np.concatenate([second, first])[order]
+    across = faces_across(surface)
+    beside = later_beside(surface)
 
     def step(positions: FloatArray) -> FloatArray:
         begin = positions
         for _ in range(parameters["normal_iterations"]):
             normals, areas, centroids = face_geometry(positions, surface.faces)
-            guides = guiding_normals(normals, areas, starts, rows, next_starts, beside)
+            guides = guiding_normals(normals, areas, starts, rows, beside)
             sigma_c = parameters["reach"] * centroid_distance(centroids, across)
             normals = bilateral_normals(
                 normals, guides, areas, centroids, starts, rows, sigma_c, parameters["sigma_s"]

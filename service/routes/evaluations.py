@@ -25,7 +25,7 @@ from store import descriptors, evaluations
 from store.errors import EvaluationNotFound
 from store.records import Evaluation
 
-__all__ = ["router", "visible_evaluation"]
+__all__ = ["router"]
 
 router = api_router("evaluations")
 
@@ -37,8 +37,7 @@ _STARTED: dict[int | str, dict[str, Any]] = {
 }
 
 
-def visible_evaluation(conn: Connection, principal: Principal, evaluation_id: str) -> Evaluation:
-    """Raises EvaluationNotFound, also for one of a collection that the key does not open."""
+def _visible(conn: Connection, principal: Principal, evaluation_id: str) -> Evaluation:
     found = evaluations.get(conn, evaluation_id)
     if not principal.sees(found.collection_id):
         raise EvaluationNotFound(f"There is no evaluation {evaluation_id[:80]!r}.")
@@ -95,7 +94,7 @@ def list_evaluations(
 def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> EvaluationValue:
     """Its task with state and progress and, once that succeeded, the report."""
     with here.database.read() as conn:
-        return evaluation_value(conn, visible_evaluation(conn, principal, evaluation))
+        return evaluation_value(conn, _visible(conn, principal, evaluation))
 
 
 @router.get(
@@ -105,7 +104,7 @@ def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> Evaluat
 def get_matrix(request: Request, here: Here, principal: Reader, evaluation: IdPath) -> Response:
     """D of all pairs, with the names and labels of rows and columns."""
     with here.database.read() as conn:
-        found = visible_evaluation(conn, principal, evaluation)
+        found = _visible(conn, principal, evaluation)
     sha256 = evaluations.matrix_of(found)
 
     def make() -> Response:
@@ -132,5 +131,5 @@ def _matrix_json(found: Evaluation, rows: Iterator[npt.NDArray[np.float64]]) -> 
 def delete_evaluation(here: Here, principal: Writer, evaluation: IdPath) -> None:
     """With its task, which stops if it runs, and its matrix."""
     with here.database.write() as conn:
-        visible_evaluation(conn, principal, evaluation)
+        _visible(conn, principal, evaluation)
         evaluations.delete(conn, evaluation)

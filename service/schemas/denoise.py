@@ -26,13 +26,20 @@ class DenoisingParameters(Body):
     wait: Finite = Field(30.0, ge=0, le=60, description="Seconds to wait for the result.")
 
 
-class ChoiceValue(Value):
-    """What `auto` picked, and why. noise: its standard deviation along normals, in mean edge lengths."""
+class PartValue(Value):
+    """A filter, and its share of the mean of displacements."""
 
+    share: float
     method: str
     iterations: int
     parameters: dict[str, Any]
-    noise: float
+
+
+class ChoiceValue(Value):
+    """What `auto` picked, and why."""
+
+    parts: list[PartValue] = Field(description="The largest share first; none where the mesh stays.")
+    noise: float = Field(description="Its standard deviation along normals, in mean edge lengths.")
     surface: str = Field(description="sharp, smooth, scan or clean.")
     reason: str
 

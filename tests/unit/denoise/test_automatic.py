@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reebase.denoise import METHODS, Choice, add_noise, choose, denoise, mean_angle, volume_change
+from reebase.denoise import Choice, add_noise, apply_choice, choose, denoise, mean_angle, volume_change
 from reebase.denoise.filter import Surface
 from reebase.denoise.filters import framed
 from reebase.denoise.fitting import noise_levels
 from reebase.evaluation.synthetic import synthetic_shape
-from reebase.mesh.geometry import mean_edge_length
+from reebase.mesh.geometry import mean_edge_length, vertex_normals
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import rings
 from tests.shapes import cube, icosphere, joined, moved, permuted, torus, voxels
@@ -54,16 +54,21 @@ def test_what_is_chosen_is_what_runs() -> None:
     mesh = add_noise(torus(), 0.2, seed=3)
     choice = choose(mesh)
     assert isinstance(choice, Choice)
-    assert choice.method in METHODS
-    by_hand = denoise(mesh, choice.method, choice.iterations, **choice.parameters)
-    assert np.array_equal(by_hand.vertices, denoise(mesh, "auto").vertices)
+    assert sum(part.share for part in choice.parts) == pytest.approx(1)
+    found = [denoise(mesh, part.method, part.iterations, **part.parameters) for part in choice.parts]
+    moved = sum(part.share * (one.vertices - mesh.vertices) for part, one in zip(choice.parts, found, strict=True))
+    normals = vertex_normals(Mesh(mesh.vertices + moved, mesh.faces))
+    across = (moved * normals).sum(axis=1)[:, None] * normals
+    by_hand = Mesh(mesh.vertices + 0.75 * moved + 0.25 * across, mesh.faces)
+    assert denoise(mesh, "auto").vertices == pytest.approx(by_hand.vertices, abs=1e-12)
+    assert np.array_equal(denoise(mesh, "auto").vertices, apply_choice(mesh, choice).vertices)
     assert f"{choice.noise:.3f} of a mean edge" in choice.reason
 
 
 @pytest.mark.parametrize("truth", [*SHARP.values(), *SMOOTH.values()], ids=[*SHARP, *SMOOTH])
 def test_a_clean_mesh_comes_out_as_it_was(truth: Mesh) -> None:
     choice = choose(truth)
-    assert (choice.method, choice.iterations, choice.surface) == ("none", 0, "clean")
+    assert (choice.parts, choice.surface) == ((), "clean")
     assert "counts as clean" in choice.reason
     assert np.array_equal(denoise(truth, "auto").vertices, truth.vertices)
 
@@ -94,7 +99,7 @@ def test_impulses_part_the_levels_and_are_removed() -> None:
 
 def test_strong_noise_gets_the_longest_guided_filter() -> None:
     choice = choose(add_noise(icosphere(4), 0.6, seed=1))
-    assert (choice.method, choice.iterations) == ("guided_normal", 16)
+    assert [(part.method, part.iterations) for part in choice.parts] == [("guided_normal", 16)]
     assert "strong" in choice.reason
 
 
@@ -105,7 +110,8 @@ def test_a_large_mesh_is_judged_by_patches_whatever_its_order_and_place() -> Non
     assert "on 10242 vertices" not in choice.reason
     for other in (permuted(mesh, seed=1)[0], moved(mesh, (3, 4, 5), scale=9, seed=2)):
         same = choose(other)
-        assert (same.method, same.iterations, same.parameters) == (choice.method, choice.iterations, choice.parameters)
+        assert [part.parameters for part in same.parts] == [part.parameters for part in choice.parts]
+        assert [part.share for part in same.parts] == pytest.approx([part.share for part in choice.parts])
 
 
 def test_volume_stays() -> None:
