@@ -1,6 +1,7 @@
 """What descriptors keep of each shape: rows of float32 by name and version.
 
-``write(conn, shape_id, profile_key, kept)``; ``of_shapes(conn, ids, names, profile_key) -> {id: {name: Kept}}``;
+``write(conn, shape_id, profile_key, kept)``, ``names_of(conn, shape_id)``;
+``of_shapes(conn, ids, names, profile_key) -> {id: {name: Kept}}``;
 ``described(conn, names, profile_key, *where) -> Iterator[Described]``, shape by shape and in bounded memory;
 ``coverage(conn, collection, names) -> {name: shapes that have it}``, ``lacking(conn, collection, names) -> [id]``,
 ``check_any(conn, collection, names)`` raises NothingToCompare
@@ -27,7 +28,7 @@ from store.sql import insert
 from store.tables import descriptor as table
 from store.tables import endpoint_features, present, shape, task
 
-__all__ = ["SRG", "Described", "check_any", "coverage", "described", "lacking", "of_shapes", "write"]
+__all__ = ["SRG", "Described", "check_any", "coverage", "described", "lacking", "names_of", "of_shapes", "write"]
 
 SRG = "srg"
 _MANY = 500  # ids in one statement
@@ -92,6 +93,11 @@ def described(
             if current and SRG in names:
                 own[SRG] = np.frombuffer(row.features, dtype="<f8").reshape(-1, 3)
             yield Described(row.shape_id, current, own)
+
+
+def names_of(conn: Connection, shape_id: str) -> frozenset[str]:
+    """Of which descriptors something is kept of the shape, of whatever version."""
+    return frozenset(conn.execute(select(table.c.name).where(table.c.shape_id == shape_id)).scalars())
 
 
 def coverage(conn: Connection, collection: Collection, names: Some[str]) -> dict[str, int]:

@@ -43,8 +43,11 @@ class Settings(BaseSettings):
     max_batch: int = Field(100, ge=1)
     max_batch_hits: int = Field(5000, ge=1)
 
-    # What is kept of every shape beside the endpoint features, separated by commas: it can be ranked by that.
-    descriptors: Annotated[tuple[str, ...], NoDecode] = tuple(name for name in DESCRIPTORS if name != "srg")
+    # What is kept of every shape beside the endpoint features, separated by commas: it can be ranked by that. By
+    # default all but those that take longer than everything else together; a collection gets these by reindexing.
+    descriptors: Annotated[tuple[str, ...], NoDecode] = tuple(
+        name for name in DESCRIPTORS if name not in ("srg", "rgpd", "patches")
+    )
     # What one process holds of these in memory, for queries; beyond it the collections asked for longest ago go.
     gallery_memory_bytes: int = Field(1 * _GIB, ge=_MIB)
 

@@ -124,10 +124,13 @@ def enqueue(
     return task
 
 
-def describe_anew(conn: Connection, collection_id: str, only: Some[str] | None = None) -> int:
+def describe_anew(
+    conn: Connection, collection_id: str, only: Some[str] | None = None, params: Mapping[str, Any] | None = None
+) -> int:
     """Queues a description of every shape of a collection, in place of those that are queued or running.
 
-    only: these shapes. In few statements however many there are: other writers wait meanwhile. Returns how many.
+    only: these shapes, of which none is. In few statements however many there are: other writers wait meanwhile.
+    Returns how many.
     """
     mine = and_(table.c.collection_id == collection_id, table.c.kind == "describe", table.c.state.in_(_LIVE))
     if only is None:
@@ -136,8 +139,8 @@ def describe_anew(conn: Connection, collection_id: str, only: Some[str] | None =
     rows = [
         {
             "id": new_id(), "kind": "describe", "state": "queued", "priority": _PRIORITY["describe"],
-            "collection_id": collection_id, "shape_id": shape_id, "params": {}, "fraction": 0.0, "attempt": 0,
-            "crashes": 0, "cancel_requested": 0,
+            "collection_id": collection_id, "shape_id": shape_id, "params": dict(params or {}), "fraction": 0.0,
+            "attempt": 0, "crashes": 0, "cancel_requested": 0,
         }
         for shape_id in conn.execute(shapes.order_by(shape_table.c.id)).scalars()
         if only is None or shape_id in only

@@ -428,10 +428,10 @@ class Client:
 
         return self._get(made, _collection(collection) + "/descriptors")
 
-    def reindex(self, collection: str) -> int:
-        """Queue the shapes that lack a descriptor which the service keeps; how many these are."""
-        path = _collection(collection) + "/reindex"
-        return self._get(lambda found: int(found["queued"]), path, method="POST", reads=True)
+    def reindex(self, collection: str, descriptors: Sequence[str] = ()) -> int:
+        """Queue the shapes that lack a descriptor which the service keeps, or one of these; how many that are."""
+        path, body = _collection(collection) + "/reindex", {"descriptors": list(descriptors)}
+        return self._get(lambda found: int(found["queued"]), path, method="POST", reads=True, json=body)
 
     def filters(self) -> list[Filter]:
         """The denoising filters that a profile can name."""

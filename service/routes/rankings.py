@@ -10,6 +10,7 @@ from service.schemas.rankings import (
     DescriptorCoverage,
     DescriptorsValue,
     DescriptorValue,
+    ReindexBody,
     ReindexValue,
 )
 from store import descriptors, tasks
@@ -66,9 +67,17 @@ def get_coverage(here: Here, principal: Reader, collection: CollectionPath) -> C
     "/collections/{collection}/reindex", operation_id="reindexCollection", status_code=202,
     summary="Describe again what lacks something",
 )  # fmt: skip
-def reindex_collection(here: Here, principal: Writer, collection: CollectionPath) -> ReindexValue:
-    """Queue every described shape that lacks a descriptor which this service keeps; the others stay as they are."""
+def reindex_collection(
+    here: Here, principal: Writer, collection: CollectionPath, body: ReindexBody | None = None
+) -> ReindexValue:
+    """Queue every described shape that lacks a descriptor which this service keeps, or one that is named.
+
+    The others stay as they are, and a shape can be found by what it has while it waits. What a shape was given once
+    it is given again whenever it is described.
+    """
+    asked = [name for name in (body.descriptors if body else []) if name != SRG]
     with here.database.write() as conn:
         opened = open_collection(conn, principal, collection)
-        lacking = descriptors.lacking(conn, opened, here.settings.descriptors)
-        return ReindexValue(queued=tasks.describe_anew(conn, opened.id, frozenset(lacking)))
+        lacking = descriptors.lacking(conn, opened, {*here.settings.descriptors, *asked})
+        params = {"descriptors": asked} if asked else {}
+        return ReindexValue(queued=tasks.describe_anew(conn, opened.id, frozenset(lacking), params))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from typing import Annotated
+
 from pydantic import Field
 
-from service.schemas.common import Value
+from service.schemas.common import Body, Text, Value, one_of
 
-__all__ = ["CoverageValue", "DescriptorCoverage", "DescriptorValue", "DescriptorsValue", "ReindexValue"]
+__all__ = [
+    "CoverageValue", "DescriptorCoverage", "DescriptorValue", "DescriptorsValue", "ReindexBody", "ReindexValue",
+]  # fmt: skip
 
 
 class DescriptorValue(Value):
@@ -42,6 +47,20 @@ class CoverageValue(Value):
 
     described: int = Field(description="Shapes that are described under the present profile.")
     items: list[DescriptorCoverage]
+
+
+def _descriptors() -> Collection[str]:
+    from reebase.descriptors import DESCRIPTORS
+
+    return DESCRIPTORS
+
+
+class ReindexBody(Body):
+    """What shapes should get beside what this service keeps."""
+
+    descriptors: list[Annotated[Text, one_of("descriptor", _descriptors)]] = Field(
+        default_factory=list, max_length=100, examples=[["patches"]]
+    )
 
 
 class ReindexValue(Value):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from reebase.descriptors import kept
+from reebase.descriptors import DESCRIPTORS, kept
 from reebase.pipeline import Description
-from store import collections, faults, results, shapes
+from store import collections, descriptors, faults, results, shapes
 from worker.claim import Claim, LostError
 from worker.tools import Tools, pieces
 
@@ -19,9 +19,12 @@ def run(tools: Tools, claim: Claim) -> None:
     with tools.database.read() as conn:
         collection = collections.by_id(conn, task.collection_id)
         shape = shapes.get(conn, task.collection_id, task.shape_id)
+        # What a shape was given once, it is given again.
+        before = descriptors.names_of(conn, shape.id)
+    wanted = {*tools.settings.descriptors, *task.params.get("descriptors", ()), *before}
     with tools.described(
         claim, shape.sha256, collection.profile, format=shape.format, outputs=results.BLOBS,
-        descriptors=tools.settings.descriptors,
+        descriptors=[name for name in DESCRIPTORS if name in wanted],
     ) as finished:  # fmt: skip
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
