@@ -26,14 +26,14 @@ from reebase.mesh.health import Health
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read import Limits, read
 from reebase.mesh.topology import largest_component
-from reebase.skeleton import MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
+from reebase.skeleton import LEVELS, MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
 from reebase.spectrum import KINDS as OPERATORS
 from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, operator
 from reebase.spectrum import field as scalar_field
 
 __all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton"]
 
-PIPELINE_VERSION = 3
+PIPELINE_VERSION = 4
 """Raised whenever the same mesh and profile would give other numbers, or more is kept of a shape; nothing is compared
 across versions."""
 
@@ -49,7 +49,8 @@ class Profile:
     """The parameters of the pipeline; two descriptions are comparable when their ``key`` is the same.
 
     denoise: name of a filter, or "none". iterations: of that filter, at least 1.
-    field: name of the scalar field. bands: number of bands of the Reeb graph, 2 to 1024.
+    field: name of the scalar field. bands: number of bands of the Reeb graph, 2 to 1024. levels: "area" for bands of
+    equal area, "width" for bands of equal width in the field, as in the thesis.
     saliency: "area" or "length"; threshold: branches with less than this share are pruned, 0 to 0.99.
     area: "band" or "ring", the reading of the relative node area (METHOD §5).
     operator: "auto", "cotangent" or "tufted", what the stiffness is built from.
@@ -59,6 +60,7 @@ class Profile:
     iterations: int = 1
     field: str = "fiedler"
     bands: int = 128
+    levels: str = "area"
     saliency: str = "area"
     threshold: float = 0.01
     area: str = "band"
@@ -68,6 +70,7 @@ class Profile:
         """Refuse what no stage could use. Raises UnknownName or ParameterError."""
         known: dict[str, tuple[str, Collection[str]]] = {
             "denoising filter": (self.denoise, ("none", *METHODS)),
+            "levels": (self.levels, LEVELS),
             "saliency": (self.saliency, SALIENCIES),
             "area": (self.area, AREAS),
             "operator": (self.operator, OPERATORS),
@@ -219,7 +222,7 @@ def describe(
         spectrum = eigenpairs(body_operator, _pairs(profile.field, body))
         values = scalar_field(profile.field, body, spectrum)
     with clock.stage("skeleton"):
-        graph = reeb_graph(body, values, profile.bands)
+        graph = reeb_graph(body, values, profile.bands, profile.levels)
         skeleton = prune(graph, profile.threshold, profile.saliency)
     with clock.stage("features"):
         features = endpoint_features(skeleton, profile.area)
@@ -253,18 +256,24 @@ def _late_flags(
 
 
 def skeleton(
-    mesh: Mesh, *, field: str = "fiedler", bands: int = 128, threshold: float = 0.01, saliency: str = "area"
+    mesh: Mesh,
+    *,
+    field: str = "fiedler",
+    bands: int = 128,
+    levels: str = "area",
+    threshold: float = 0.01,
+    saliency: str = "area",
 ) -> Skeleton:
     """The pruned spectral Reeb graph of a mesh as it is (METHOD §3, §4): neither cleaned nor denoised.
 
     Of several parts, the largest by area is taken: what was read from a file needs ``clean`` first, as the triangles
-    of an STL share no vertices. Raises MeshError for a mesh without area, ParameterError for an unknown field or
-    saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage
+    of an STL share no vertices. Raises MeshError for a mesh without area, ParameterError for an unknown field, levels
+    or saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage
     for a non-manifold mesh without robust-laplacian.
     """
     body, _ = largest_component(mesh)
     spectrum = eigenpairs(operator(body), _pairs(field, body))
-    return prune(reeb_graph(body, scalar_field(field, body, spectrum), bands), threshold, saliency)
+    return prune(reeb_graph(body, scalar_field(field, body, spectrum), bands, levels), threshold, saliency)
 
 
 def _pairs(field: str, body: Mesh) -> int:

@@ -32,8 +32,10 @@ from service.routes import (
     drawn,
     evaluations,
     events,
+    maps,
     operations,
     pages,
+    plots,
     queries,
     rankings,
     results,
@@ -52,9 +54,9 @@ DESCRIPTION = (
 )
 
 _ROUTERS: tuple[APIRouter, ...] = (
-    collections.router, shapes.router, bulk.router, synthetic.router, results.router, drawn.router, queries.router,
-    rankings.router, denoise.router, tasks.router, events.router, evaluations.router, about.router, operations.router,
-    pages.router,
+    collections.router, shapes.router, bulk.router, maps.router, synthetic.router, results.router, drawn.router,
+    queries.router, rankings.router, denoise.router, tasks.router, events.router, evaluations.router, plots.router,
+    about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from starlette.requests import Request
 
 from service.events import EventHub
 from service.metrics import Metrics
+from service.plots import Plots
 from service.rates import RateLimiter
 from service.settings import ServiceSettings
 from store import sweep
@@ -38,6 +39,7 @@ class Context:
     metrics: Metrics
     events: EventHub
     overview: RecentOverview = field(default_factory=RecentOverview)
+    plots: Plots = field(default_factory=Plots)
     limiter: RateLimiter = field(default_factory=RateLimiter)
     stopping: threading.Event = field(default_factory=threading.Event)
 

@@ -3,7 +3,7 @@
 ``add(conn, collection_id, *, sha256, bytes, format, name, filename, label, tags, metadata, owner)
 -> (Shape, created)``, ``get(conn, collection_id, shape_id)``, ``by_ids(conn, shape_ids) -> dict``,
 ``list_page(conn, collection_id, filters, *, limit, cursor, sort) -> Page``, ``count(conn, collection_id, filters)``,
-``labels(conn, collection_id) -> [(label, shapes)]``,
+``labels(conn, collection_id) -> [(label, shapes)]``, ``summaries(conn, collection_id) -> {id: (name, label)}``,
 ``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``, ``label_many(conn, ...)``,
 ``delete(conn, collection_id, shape_id)``, ``restore(conn, collection_id, shape_id)``, ``purge(conn, keep_seconds)``,
 ``ids_matching(conn, collection_id, filters) -> frozenset``
@@ -35,7 +35,7 @@ from store.tables import shape as table
 
 __all__ = [
     "SORTS", "UNSET", "Unset", "add", "by_ids", "count", "delete", "get", "ids_matching", "label_many", "labels",
-    "list_page", "purge", "restore", "update",
+    "list_page", "purge", "restore", "summaries", "update",
 ]  # fmt: skip
 
 SORTS = ("created", "name", "label", "endpoints", "bytes")
@@ -146,6 +146,13 @@ def list_page(
 def count(conn: Connection, collection_id: str, filters: Filters | None = None) -> int:
     """How many shapes the filters let pass."""
     return int(conn.execute(_filtered(select(func.count()), collection_id, filters or Filters())).scalar_one())
+
+
+def summaries(conn: Connection, collection_id: str) -> dict[str, tuple[str, str | None]]:
+    """Name and label of every shape, by id."""
+    columns = select(table.c.id, table.c.name, table.c.label)
+    rows = conn.execute(columns.where(table.c.collection_id == collection_id, present))
+    return {row.id: (row.name, row.label) for row in rows}
 
 
 def labels(conn: Connection, collection_id: str) -> list[tuple[str | None, int]]:

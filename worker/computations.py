@@ -12,16 +12,22 @@ import json
 import socket
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from reebase.errors import MeshError, MissingPackage, ReebaseError
 from reebase.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from reebase.evaluation import Evaluation
 from worker.denoising import denoise
 from worker.stacks import pack, unpack
 
 __all__ = ["COMPUTATIONS", "warm"]
+
+_WORST = 50
+"""Queries whose mistakes are kept with a report."""
 
 Progress = Callable[[str, float], None]
 Computation = Callable[[dict[str, Any], BinaryIO, Mapping[str, BinaryIO], Progress], dict[str, Any]]
@@ -97,8 +103,52 @@ def evaluate(
         dissimilarities, arguments["labels"], arguments["names"],
         bootstrap=arguments["bootstrap"], seed=arguments["seed"],
     )  # fmt: skip
-    outputs["report"].write(json.dumps(evaluation.to_json()).encode())
+    report = {**evaluation.to_json(), "mistakes": _mistakes(evaluation)}
+    outputs["report"].write(json.dumps(report).encode())
     np.save(outputs["matrix"], dissimilarities, allow_pickle=False)
+    return {}
+
+
+def _mistakes(evaluation: Evaluation) -> dict[str, Any]:
+    """Which classes are taken for which, and the worst queries with what they retrieved; rows by number."""
+    from reebase.evaluation.mistakes import confusion
+    from reebase.report.lists import worst
+
+    table = confusion(evaluation)
+    return {
+        "confusion": {"labels": list(table.labels), "counts": table.counts.tolist()},
+        "worst": [
+            {
+                "row": row.query, "average_precision": row.average_precision,
+                "hits": [
+                    {"row": hit, "relevant": relevant, "dissimilarity": float(evaluation.matrix[row.query, hit])}
+                    for hit, relevant in zip(row.hits, row.relevant, strict=True)
+                ],
+            }
+            for row in worst(evaluation, _WORST)
+        ],
+    }  # fmt: skip
+
+
+def map_collection(
+    arguments: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
+) -> dict[str, Any]:
+    """A place in the plane for each of n shapes.
+
+    source: what each part of the ranking keeps of them, packed. arguments: ``descriptor``, ``measure``. outputs:
+    ``points`` (JSON).
+    """
+    from reebase.embedding import neighbours_kept, plane
+    from reebase.ranking import Ranking
+
+    ranking = Ranking(arguments["descriptor"], arguments["measure"], rerank=False)
+    dissimilarities = ranking.matrix(
+        unpack(source), progress=lambda fraction: progress("matrix", 0.6 * fraction)
+    )
+    progress("plane", 0.6)
+    points = plane(dissimilarities)
+    made = {"points": points.round(4).tolist(), "neighbours_kept": round(neighbours_kept(dissimilarities, points), 4)}
+    outputs["points"].write(json.dumps(made).encode())
     return {}
 
 
@@ -124,7 +174,8 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
 
 
 COMPUTATIONS: dict[str, Computation] = {
-    "denoise": denoise, "describe": describe, "evaluate": evaluate, "probe": probe, "synthesise": synthesise,
+    "denoise": denoise, "describe": describe, "evaluate": evaluate, "map": map_collection,
+    "probe": probe, "synthesise": synthesise,
 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ SQLite changes a constraint only by building the table anew, so that is how each
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import sqlalchemy as sa
 from alembic import op
@@ -26,6 +27,8 @@ _KINDS = {
 
 
 def upgrade() -> None:
+    # Bands had equal width before profiles said so; a later default must not change these.
+    _profiles(lambda profile: {"levels": "width", **profile})
     _rebuild("shape", lambda: _shape(undo=True))
     _rebuild("task", lambda: _task("0002"))
     _rebuild("skeleton", lambda: _skeleton(pictures=True))
@@ -48,6 +51,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
+    _profiles(lambda profile: {name: value for name, value in profile.items() if name != "levels"})
     op.drop_table("task_output")
     op.drop_table("descriptor")
     _descriptor(rows=False)
@@ -59,6 +63,12 @@ def downgrade() -> None:
     _rebuild("skeleton", lambda: _skeleton(pictures=False))
     _rebuild("task", lambda: _task("0001"))
     _rebuild("shape", lambda: _shape(undo=False))
+
+
+def _profiles(change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    table = sa.table("collection", sa.column("id", sa.Text()), sa.column("profile", sa.JSON()))
+    for row in op.get_bind().execute(sa.select(table)).all():
+        op.execute(sa.update(table).where(table.c.id == row.id).values(profile=change(row.profile)))
 
 
 def _rebuild(name: str, create: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""The command line: what `reebase` does without the application (ingest, evaluate, query, skeleton, denoise)."""
+"""The command line: what `reebase` does without the application (ingest, evaluate, query, duplicates, ...)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ except ImportError as missing:  # pragma: no cover - depends on what is installe
     raise MissingPackage("The command line needs typer: pip install 'reebase[client]'.") from missing
 
 from reebase.cli.denoise import EPILOG, denoise
+from reebase.cli.duplicates import duplicates
 from reebase.cli.evaluate import evaluate
 from reebase.cli.ingest import ingest
 from reebase.cli.query import query
@@ -27,7 +28,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (skeleton, evaluate, ingest, query):
+for command in (skeleton, evaluate, duplicates, ingest, query):
     app.command()(command)
 app.command(epilog=EPILOG)(denoise)
 

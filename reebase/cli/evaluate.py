@@ -66,6 +66,7 @@ def evaluate(
     denoise: options.Denoise = options.DEFAULT.denoise,
     iterations: options.Iterations = options.DEFAULT.iterations,
     threshold: options.Threshold = options.DEFAULT.threshold,
+    levels: options.Levels = options.DEFAULT.levels,
     saliency: options.Saliency = options.DEFAULT.saliency,
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
@@ -79,7 +80,7 @@ def evaluate(
     others. 2: it could not run.
     """
     chosen = _chosen(descriptor or ["srg"], measure, rerank)
-    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area, operator)
+    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator)
     check_target(json_out)
     kind = check_picture(plot, "svg")
     check_report(report_out)
@@ -188,8 +189,8 @@ def _facts(profile: Profile, shapes: int, without: int) -> dict[str, str]:
     facts = {
         "Shapes": f"{shapes} with a label" + (f", {without} without one took no part" if without else ""),
         "Denoising": filtered,
-        "Skeleton": f"field {profile.field}, {profile.bands} bands, {profile.saliency} below {profile.threshold:g} "
-        f"pruned, node area by {profile.area}",
+        "Skeleton": f"field {profile.field}, {profile.bands} bands of equal {profile.levels}, "
+        f"{profile.saliency} below {profile.threshold:g} pruned, node area by {profile.area}",
         "Operator": profile.operator,
     }
     return facts

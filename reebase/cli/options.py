@@ -14,6 +14,7 @@ DEFAULT = Profile()
 URL = "http://127.0.0.1:8000"
 
 Bands = Annotated[int, typer.Option(help="Bands of the Reeb graph.", min=2, max=1024)]
+Levels = Annotated[str, typer.Option(help="Bands of equal area, or of equal width in the field: area or width.")]
 Denoise = Annotated[str, typer.Option(help=f"Denoising filter: none, {', '.join(sorted(METHODS))}.")]
 Iterations = Annotated[int, typer.Option(help="Iterations of the filter.", min=1)]
 Threshold = Annotated[float, typer.Option(help="Branches with less than this share are pruned.", min=0.0, max=0.99)]

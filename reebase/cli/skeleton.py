@@ -21,6 +21,7 @@ def skeleton(
     denoise: options.Denoise = options.DEFAULT.denoise,
     iterations: options.Iterations = options.DEFAULT.iterations,
     threshold: options.Threshold = options.DEFAULT.threshold,
+    levels: options.Levels = options.DEFAULT.levels,
     saliency: options.Saliency = options.DEFAULT.saliency,
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
@@ -30,7 +31,7 @@ def skeleton(
 
     Exit code 0: described. 2: the mesh or an option was refused.
     """
-    profile = Profile(denoise, iterations, field, bands, saliency, threshold, area, operator)
+    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator)
     check_target(json_out)
     kind = check_picture(picture)
     found = describe(mesh, profile)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from reebase.descriptors import d2, extended, gps, hks, moments, patches, rgpd, sh, shape_dna, srg, views, wks
+from reebase.descriptors import d2, extended, gps, hks, moments, ms, patches, rgpd, sh, shape_dna, srg, views, wks
 from reebase.descriptors.patches import PATCHES
 from reebase.descriptors.surface import Surface, surface_of
 from reebase.descriptors.vectors import VECTORS
@@ -102,6 +102,8 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("d2", "Distances between points of the surface.", d2.describe, VECTORS, ("l1", "l2")),
         Descriptor("sh", "Spherical harmonics of the surface in shells round its centroid.",
                    sh.describe, VECTORS, ("l1", "l2")),
+        Descriptor("ms", "Parts of the medial surface, matched by thickness, size and place.",
+                   ms.describe, CHARGED, ("matching",)),
         Descriptor("patches", "Patches of the query, each sought in the other: finds the whole of a part.",
                    patches.describe, PATCHES, ("relative", "absolute"), place=patches.place),
         Descriptor("views", "Depth images from eighteen sides, in any of 48 positions.",

@@ -28,7 +28,7 @@ shapes of 19 classes mean average precision is 0.004 lower than with all of them
 NEIGHBOURS = 8
 """Of each shape in the graph, itself included."""
 
-NEAR = 0.6
+NEAR = 0.55
 STEEPNESS = 3
 """W = exp(-(F / NEAR)^STEEPNESS): a shape whose relatives are few has them well below ``NEAR``, since its scale is the
 distance to others, and all others above it, to whom then next to nothing leads. In a large class all are near 1 and

@@ -16,9 +16,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError
+from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError, unknown_name
+from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
 from reebase.skeleton.graph import Skeleton
+from reebase.skeleton.levels import LEVELS, by_area
 
 __all__ = ["MAX_BANDS", "reeb_graph", "reeb_nodes"]
 
@@ -34,10 +36,11 @@ CONSTANT = 1e-12
 Array = npt.NDArray[np.float64]
 
 
-def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
-    """The Reeb graph of a scalar field on a connected surface by equal-width bands of [min, max] (METHOD §4).
+def reeb_graph(mesh: Mesh, values: Array, bands: int = 64, levels: str = "width") -> Skeleton:
+    """The Reeb graph of a scalar field on a connected surface, in bands from its minimum to its maximum (METHOD §4).
 
-    values: the field at the vertices, (m,), linear on faces. bands: N, 2 to ``MAX_BANDS``.
+    values: the field at the vertices, (m,), linear on faces. bands: N, 2 to ``MAX_BANDS``. levels: "width" for bands of
+    equal width in the field, as the thesis has them, or "area" for bands of equal area (``reebase.skeleton.levels``).
     Node = connected component of a band, placed at its area centroid; edge = two nodes in adjacent bands
     that share a stretch of level curve. Node areas sum to area(M); ``cycles`` is the genus of a closed
     surface once the bands resolve its handles. Nodes are numbered by band, then by decreasing area. A
@@ -48,9 +51,14 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64) -> Skeleton:
     the value furthest from the middle of the range; ties take the larger ring; 0 for a slice without
     vertices.
 
-    Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError, and
-    LimitError when the bands cut the faces into more than ``MAX_PIECES``.
+    Raises NoFaces, DegenerateMesh (no area), MeshError when the surface is in several parts, ParameterError,
+    UnknownName for other levels, and LimitError when the bands cut the faces into more than ``MAX_PIECES``.
     """
+    if levels not in LEVELS:
+        raise unknown_name("level sets", levels, LEVELS)
+    values = _checked(mesh, values, bands)
+    if levels == "area" and not _is_constant(values) and face_areas(mesh).sum() > MIN_AREA:
+        values = by_area(mesh, values)
     return _cut(mesh, values, bands)[0]
 
 
@@ -59,7 +67,7 @@ def reeb_nodes(mesh: Mesh, values: Array, bands: int = 64) -> tuple[Skeleton, np
 
     A maximum that persists by more than the width of a band has a node of its own. Raises as ``reeb_graph``.
     """
-    graph, pieces = _cut(mesh, values, bands)
+    graph, pieces = _cut(mesh, _checked(mesh, values, bands), bands)
     return graph, _below(mesh.faces, pieces)
 
 
@@ -75,7 +83,7 @@ class _Pieces(NamedTuple):
     node: npt.NDArray[np.int32]
 
 
-def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
+def _checked(mesh: Mesh, values: Array, bands: int) -> Array:
     if bands % 1 or not 2 <= bands <= MAX_BANDS:
         raise ParameterError(
             f"The number of bands must be a whole number from 2 to {MAX_BANDS}; found {bands!r}.",
@@ -91,6 +99,10 @@ def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
         raise NoFaces("The mesh has no faces, so there is no surface to cut into bands.")
     if not np.isfinite(values).all():
         raise ParameterError("The field has values that are NaN or infinite.", parameter="values")
+    return values
+
+
+def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
     from reebase.skeleton import reeb_kernels as kernels
 
     u = _in_bands(values, bands)
@@ -157,13 +169,18 @@ def _in_bands(values: Array, bands: int) -> Array:
 
     Measured from the middle of the range, so that f and -f mirror each other to the last bit.
     """
+    if _is_constant(values):
+        return np.full(len(values), 0.5)
     low, high = float(values.min()), float(values.max())
     middle, half = low / 2 + high / 2, high / 2 - low / 2
-    if half <= CONSTANT * max(-low, high):
-        return np.full(len(values), 0.5)
     u = np.clip((values - middle) / half * (bands / 2) + bands / 2, 0.0, bands)
     level = np.rint(u)
     return np.where(np.abs(u - level) < ON_LEVEL, level, u)
+
+
+def _is_constant(values: Array) -> bool:
+    low, high = float(values.min()), float(values.max())
+    return high / 2 - low / 2 <= CONSTANT * max(-low, high)
 
 
 def _extremal_rings(

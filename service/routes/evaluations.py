@@ -25,7 +25,7 @@ from store import descriptors, evaluations
 from store.errors import EvaluationNotFound
 from store.records import Evaluation
 
-__all__ = ["router"]
+__all__ = ["router", "visible_evaluation"]
 
 router = api_router("evaluations")
 
@@ -37,7 +37,8 @@ _STARTED: dict[int | str, dict[str, Any]] = {
 }
 
 
-def _visible(conn: Connection, principal: Principal, evaluation_id: str) -> Evaluation:
+def visible_evaluation(conn: Connection, principal: Principal, evaluation_id: str) -> Evaluation:
+    """Raises EvaluationNotFound, also for one of a collection that the key does not open."""
     found = evaluations.get(conn, evaluation_id)
     if not principal.sees(found.collection_id):
         raise EvaluationNotFound(f"There is no evaluation {evaluation_id[:80]!r}.")
@@ -94,7 +95,7 @@ def list_evaluations(
 def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> EvaluationValue:
     """Its task with state and progress and, once that succeeded, the report."""
     with here.database.read() as conn:
-        return evaluation_value(conn, _visible(conn, principal, evaluation))
+        return evaluation_value(conn, visible_evaluation(conn, principal, evaluation))
 
 
 @router.get(
@@ -104,7 +105,7 @@ def get_evaluation(here: Here, principal: Reader, evaluation: IdPath) -> Evaluat
 def get_matrix(request: Request, here: Here, principal: Reader, evaluation: IdPath) -> Response:
     """D of all pairs, with the names and labels of rows and columns."""
     with here.database.read() as conn:
-        found = _visible(conn, principal, evaluation)
+        found = visible_evaluation(conn, principal, evaluation)
     sha256 = evaluations.matrix_of(found)
 
     def make() -> Response:
@@ -131,5 +132,5 @@ def _matrix_json(found: Evaluation, rows: Iterator[npt.NDArray[np.float64]]) -> 
 def delete_evaluation(here: Here, principal: Writer, evaluation: IdPath) -> None:
     """With its task, which stops if it runs, and its matrix."""
     with here.database.write() as conn:
-        _visible(conn, principal, evaluation)
+        visible_evaluation(conn, principal, evaluation)
         evaluations.delete(conn, evaluation)

@@ -28,6 +28,9 @@ class ProfileBody(Body):
     iterations: int = Field(_DEFAULT.iterations, ge=1, le=1000, description="Of the filter.")
     field: Text = Field(_DEFAULT.field, description="Name of the scalar field.")
     bands: int = Field(_DEFAULT.bands, ge=2, le=1024, description="Bands of the Reeb graph.")
+    levels: Text = Field(
+        _DEFAULT.levels, description="Bands of equal `area`, or of equal `width` in the field as in the thesis."
+    )
     saliency: Text = Field(_DEFAULT.saliency, description="What a branch's share is of: `area` or `length`.")
     threshold: Finite = Field(
         _DEFAULT.threshold, ge=0, le=0.99, description="Branches with less than this share are pruned."
@@ -35,7 +38,7 @@ class ProfileBody(Body):
     area: Text = Field(_DEFAULT.area, description="Reading of the relative node area: `band` or `ring`.")
     operator: Text = Field(_DEFAULT.operator, description="`cotangent`, `tufted`, or `auto`: tufted where it must be.")
 
-    @field_validator("denoise", "field", "saliency", "area", "operator")
+    @field_validator("denoise", "field", "levels", "saliency", "area", "operator")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
         """Refuse here what the pipeline would."""

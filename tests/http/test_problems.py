@@ -80,7 +80,7 @@ def test_what_is_not_there(api: httpx.Client, method: str, path: str) -> None:
     if method in {"POST", "PATCH"}:
         queries = [{"shape": "x"}]
         body = {"json": {"queries": queries} if path.endswith("queries") else {"name": "x", "shape": "x"}}
-        if path.endswith("synthetic"):
+        if path.endswith(("synthetic", "map")):
             body = {"json": {}}
         if "/bulk/" in path:
             body = {"json": {"shapes": ["x"], **({"label": "a"} if path.endswith("label") else {})}}

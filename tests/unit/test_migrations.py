@@ -122,7 +122,8 @@ def test_the_second_schema_keeps_what_the_first_held(url: str) -> None:
     database = Database(url)
     after = contents(database, *before, "idempotency")
     assert [row["key"] for row in after.pop("idempotency")] == ["key"]
-    added: dict[str, dict[str, None]] = {
+    added: dict[str, dict[str, str | None]] = {
+        "collection": {"profile": '{"levels": "width"}'},
         "shape": {"deleted_at": None}, "skeleton": {"thumbnail_sha256": None, "display_sha256": None},
     }  # fmt: skip
     assert after == {name: [{**row, **added.get(name, {})} for row in rows] for name, rows in before.items()}

@@ -120,8 +120,8 @@ def test_bytes_and_paths_and_meshes_are_the_same() -> None:
 
 def test_profile_key_depends_on_every_parameter() -> None:
     changes = {
-        "denoise": "none", "iterations": 2, "field": "height", "bands": 16, "saliency": "length",
-        "threshold": 0.02, "area": "ring", "operator": "tufted",
+        "denoise": "none", "iterations": 2, "field": "height", "bands": 16, "levels": "width",
+        "saliency": "length", "threshold": 0.02, "area": "ring", "operator": "tufted",
     }  # fmt: skip
     assert set(changes) == set(Profile().to_json())
     keys = {replace(Profile(), **{name: value}).key for name, value in changes.items()} | {Profile().key}

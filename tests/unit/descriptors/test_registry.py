@@ -67,7 +67,7 @@ def test_the_parts_of_a_dissimilarity_add_up_and_lie_on_the_surface(name):
         assert found.dissimilarity == descriptor.compare(first, second)
         parts = [pair.distance for pair in found.pairs]
         parts += [one.charge for one in (*found.unmatched_first, *found.unmatched_second)]
-        total = np.linalg.norm(parts) if name == "extended" else sum(parts)
+        total = np.linalg.norm(parts) if name in ("extended", "ms") else sum(parts)
         assert total == pytest.approx(found.dissimilarity)
     if descriptor.place is not None:
         places = descriptor.place(SURFACES[0])
