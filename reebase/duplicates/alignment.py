@@ -39,6 +39,10 @@ TRIED = 8
 KEPT = 3
 """Starts of each handedness that are improved at all, then further; the best of these is improved to the end."""
 
+HOPELESS = 0.35
+"""Mean distance in mean edge lengths, after the first steps, above which no start is improved further: of copies with
+noise of 0.2 it is 0.16 at most on all sets measured, of different shapes seldom below 0.25."""
+
 STILL = 1e-6
 """A step smaller than this, in radians or sizes, ends the improvement."""
 
@@ -139,20 +143,27 @@ class Surface:
 
 
 def best_similarities(first: Surface, second: Surface) -> list[Similarity]:
-    """The best fit of first onto second that keeps handedness, and the best that mirrors."""
+    """The best fit of first onto second that keeps handedness, and the best that mirrors; none where no fit is near."""
     coarse = first.some(ROUGH)
-    found = []
-    for mirrored in (False, True):
-        ranked = sorted(_starts(first, second, mirrored), key=lambda one: _distance(one, coarse, second))[:TRIED]
-        ranked = [_improved(start, coarse, first, second, ROUGH_STEPS) for start in ranked]
-        ranked.sort(key=lambda one: _distance(one, coarse, second))
-        found.append(_best(ranked[:KEPT], first, second))
+    starts = [_started(first, second, mirrored) for mirrored in (False, True)]
+    edge = max(second.edge, first.edge * second.size / (first.size or 1.0))
+    if min(_distance(ranked[0], coarse, second) for ranked in starts) > HOPELESS * edge:
+        return []
+    found = [_best(ranked, first, second) for ranked in starts]
     # A shape that is its own mirror image fits both ways: the better way, reflected, is a start for the other.
     distances = [_distance(one, coarse, second) for one in found]
     better = int(np.argmin(distances))
     reflected = [_reflected(found[better], first, axis) for axis in first.axes[1].T]
     found[1 - better] = _best([found[1 - better], *reflected], first, second)
     return found
+
+
+def _started(first: Surface, second: Surface, mirrored: bool) -> list[Similarity]:
+    """The starts of one handedness after a few steps, the best first."""
+    coarse = first.some(ROUGH)
+    ranked = sorted(_starts(first, second, mirrored), key=lambda one: _distance(one, coarse, second))[:TRIED]
+    ranked = [_improved(start, coarse, first, second, ROUGH_STEPS) for start in ranked]
+    return sorted(ranked, key=lambda one: _distance(one, coarse, second))[:KEPT]
 
 
 def _best(starts: list[Similarity], first: Surface, second: Surface) -> Similarity:
@@ -235,12 +246,12 @@ def _improved(start: Similarity, points: Array, first: Surface, onto: Surface, s
     for _ in range(steps):
         placed = scale * points @ rotation.T + shift
         distance, near = onto.nearest(placed)
-        kept = distance <= np.quantile(distance, 0.9)
+        last = int(0.9 * (len(distance) - 1))
+        kept = distance <= np.partition(distance, last)[last]
         centred, normals = placed[kept] - onto.centre, onto.normals[near[kept]]
         offset = ((onto.points[near[kept]] - placed[kept]) * normals).sum(axis=1)
-        rows = np.column_stack([
-            np.cross(centred, normals) / onto.size, normals, (centred * normals).sum(axis=1) / onto.size,
-        ])  # fmt: skip
+        (x, y, z), (u, v, w) = centred.T / onto.size, normals.T
+        rows = np.stack([y * w - z * v, z * u - x * w, x * v - y * u, u, v, w, x * u + y * v + z * w], axis=1)
         # Held a little to where it is: a sphere may turn as it likes.
         step = np.linalg.solve(rows.T @ rows + 1e-6 * len(rows) * np.eye(7), rows.T @ offset) / onto.size
         bounded = float(np.clip(scale * (1 + step[6]), usual / SCALES, usual * SCALES))
@@ -254,9 +265,12 @@ def _improved(start: Similarity, points: Array, first: Surface, onto: Surface, s
 
 def _turn(vector: Array) -> Array:
     """The rotation about a vector by its length in radians (Rodrigues)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+    angle = float(np.sqrt(vector @ vector))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector / angle
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across)
 
 
 def _distance(similarity: Similarity, points: Array, onto: Surface) -> float:

@@ -21,7 +21,7 @@ NEAR = 0.7
 NEAR_SIZE = 0.08
 """The same in sizes of the shape: an edge of a coarse mesh is long."""
 
-CHECKED = 600
+CHECKED = 400
 """Points of each surface whose distance to the other is taken."""
 
 WORSE = 2.0
@@ -67,6 +67,8 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
         if _is_near(found, second) and found[0] <= FLAT:
             return _evidence(one, found, first, second, False)
     fits = best_similarities(first, second)
+    if not fits:
+        return None
     refined = [_by_vertices(one, first, second) for one in fits]
     ways = [*plain, *refined]
     residuals = [_residuals(one, first, second) for one in ways]
@@ -74,7 +76,7 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
     if not _is_near(residuals[best], second):
         return None
     enough = WORSE * max(residuals[best][0], FLAT)
-    chosen = next(way for way in range(len(ways)) if residuals[way][0] <= enough)
+    chosen = next(way for way in range(len(ways)) if residuals[way][0] <= enough and _is_near(residuals[way], second))
     both = residuals[2][0] <= enough and residuals[3][0] <= enough
     mirrored = None if both and chosen >= len(plain) else ways[chosen].mirrors
     return _evidence(ways[chosen], residuals[chosen], first, second, mirrored)
