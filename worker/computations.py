@@ -72,7 +72,8 @@ def describe(
     if outputs.keys() & {"display", "thumbnail"}:
         light = clustered(description.denoised)
         if "display" in outputs:
-            outputs["display"].write(display_glb(description.cleaned, description.denoised, description.field, light))
+            drawn = (description.cleaned, description.denoised, description.field, light)
+            outputs["display"].write(display_glb(*drawn, field=description.profile.field))
         if "thumbnail" in outputs:
             outputs["thumbnail"].write(thumbnail(light.of(description.denoised)))
     # The meshes have just been written, where they are wanted at all.

@@ -160,10 +160,16 @@ class Client:
 
     def shapes(
         self, collection: str, *, label: str | None = None, tags: Sequence[str] = (), state: str | None = None,
-        sha256: str | None = None,
+        sha256: str | None = None, text: str | None = None, sort: str | None = None,
     ) -> Iterator[Shape]:  # fmt: skip
-        """The shapes of a collection, oldest first; those that have all that is given."""
-        filters = _given({"label": label, "tag": list(tags) or None, "state": state, "sha256": sha256})
+        """The shapes of a collection, oldest first; those that have all that is given.
+
+        text: in the name, the file's name or the label. sort: ``name``, ``label``, ``endpoints``, ``bytes`` or
+        ``created``, with ``-`` before it the other way round.
+        """
+        filters = _given({
+            "label": label, "tag": list(tags) or None, "state": state, "sha256": sha256, "text": text, "sort": sort,
+        })  # fmt: skip
         return self._pages(records.shape_of, _collection(collection) + "/shapes", filters)
 
     def shape(self, collection: str, shape: str) -> Shape:
@@ -177,6 +183,51 @@ class Client:
     def delete_shape(self, collection: str, shape: str) -> None:
         """Delete a shape and all that was learnt of it. Raises ServiceError: ``shape_not_found``."""
         self._http.request("DELETE", _shape(collection, shape))
+
+    def restore_shape(self, collection: str, shape: str) -> Shape:
+        """Undo its deletion, within a day. Raises ServiceError: ``shape_not_found``, ``shape_exists``."""
+        return self._get(records.shape_of, _shape(collection, shape) + "/restore", method="POST")
+
+    def delete_shapes(self, collection: str, shapes: Sequence[str]) -> tuple[str, ...]:
+        """Delete up to 1000 shapes; the ids of those that were there."""
+        body = {"shapes": list(shapes)}
+        path = _collection(collection) + "/bulk/delete"
+        return self._get(lambda found: tuple(found["deleted"]), path, method="POST", json=body)
+
+    def restore_shapes(self, collection: str, shapes: Sequence[str]) -> tuple[str, ...]:
+        """Undo deletions of up to 1000 shapes; the ids of those that are there again."""
+        body = {"shapes": list(shapes)}
+        path = _collection(collection) + "/bulk/restore"
+        return self._get(lambda found: tuple(found["restored"]), path, method="POST", json=body)
+
+    def label_shapes(self, collection: str, shapes: Sequence[str], label: str | None) -> int:
+        """Give up to 1000 shapes a label, or with None take theirs away; how many were there."""
+        body = {"shapes": list(shapes), "label": label}
+        path = _collection(collection) + "/bulk/label"
+        return self._get(lambda found: int(found["labelled"]), path, method="POST", json=body)
+
+    def labels(self, collection: str) -> dict[str | None, int]:
+        """Each label with the number of its shapes, most first; None for shapes without one."""
+        path = _collection(collection) + "/labels"
+        return self._get(lambda found: {row["label"]: row["shapes"] for row in found["items"]}, path)
+
+    def add_synthetic(self, collection: str, *, per_class: int = 25, seed: int = 0) -> Task:
+        """Fill the collection with the labelled synthetic set; a task makes one shape after another."""
+        body = {"per_class": per_class, "seed": seed}
+        return self._get(records.task_of, _collection(collection) + "/synthetic", method="POST", json=body)
+
+    def make_map(self, collection: str, *, descriptor: str | None = None) -> Task:
+        """Have the map of the collection made, unless it is current."""
+        body = {"descriptor": descriptor}
+        return self._get(records.task_of, _collection(collection) + "/map", method="POST", json=body)
+
+    def map(self, collection: str, *, descriptor: str | None = None) -> dict[str, tuple[float, float]]:
+        """Where shapes lie on the latest map, by id, both coordinates in [-1, 1]; empty before there is one."""
+        path = _collection(collection) + "/map"
+        asked = _given({"descriptor": descriptor})
+        return self._get(
+            lambda found: {one["shape"]: (one["x"], one["y"]) for one in found["points"]}, path, params=asked
+        )
 
     def retry_shape(self, collection: str, shape: str) -> Task:
         """Describe a shape again that failed or was cancelled. Raises ServiceError: ``task_not_retryable``."""
@@ -194,6 +245,19 @@ class Client:
     def field(self, collection: str, shape: str) -> npt.NDArray[np.float64]:
         """phi_2 at each vertex of the denoised mesh, (m,); NaN off its largest component."""
         return self._get(records.field_of, _shape(collection, shape) + "/field")
+
+    def scalar(self, collection: str, shape: str, name: str) -> npt.NDArray[np.float32]:
+        """A scalar at each vertex of the denoised mesh, (m,), NaN where unknown: ``phi2``, ``displacement``, ..."""
+        path = f"{_shape(collection, shape)}/fields/{quote(name, safe='')}"
+        return np.frombuffer(self._http.request("GET", path).content, dtype="<f4")
+
+    def thumbnail(self, collection: str, shape: str) -> bytes:
+        """A small picture, PNG with a transparent ground."""
+        return self._http.request("GET", _shape(collection, shape) + "/thumbnail").content
+
+    def display_mesh(self, collection: str, shape: str) -> bytes:
+        """A GLB of at most 100,000 faces with scalar fields, and the surface before denoising as a morph target."""
+        return self._http.request("GET", _shape(collection, shape) + "/display").content
 
     def features(self, collection: str, shape: str) -> npt.NDArray[np.float64]:
         """omega of each endpoint, (k, 3): relative area, relative path lengths, relative distance to the root."""
@@ -381,6 +445,14 @@ class Client:
     def evaluation(self, evaluation: str) -> Evaluation:
         """An evaluation with its task and, once that succeeded, its report."""
         return self._get(records.evaluation_of, f"/v1/evaluations/{_segment(evaluation)}")
+
+    def plot(self, evaluation: str, plot: str, *, theme: str = "light") -> bytes:
+        """A plot as SVG: ``precision_recall``, ``matrix`` or ``confusion``. theme: ``light`` or ``dark``.
+
+        Raises ServiceError: ``result_not_found`` until the evaluation succeeded.
+        """
+        path = f"/v1/evaluations/{_segment(evaluation)}/plots/{_segment(plot)}.svg"
+        return self._http.request("GET", path, params={"theme": theme}).content
 
     def matrix(self, evaluation: str) -> Matrix:
         """The dissimilarity matrix. Raises ServiceError: ``result_not_found`` until the evaluation succeeded."""

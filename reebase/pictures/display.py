@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ import numpy.typing as npt
 from reebase.mesh.mesh import Mesh
 from reebase.pictures.view import crossed
 
-__all__ = ["FIELDS", "MOST_FACES", "Field", "Light", "clustered", "display_glb", "fields_of"]
+__all__ = ["FIELDS", "MOST_FACES", "Field", "Light", "clustered", "display_glb", "fields_of", "named_fields"]
 
 MOST_FACES = 100_000
 """A phone turns so many smoothly."""
@@ -61,7 +61,7 @@ class Light:
 
 FIELDS = (
     Field(
-        "phi2", "Scalar field", "the field whose level sets are the bands of the skeleton: φ₂, the first eigenfunction "
+        "phi2", "φ₂", "the field whose level sets are the bands of the skeleton: φ₂, the first eigenfunction "
         "of the Laplace–Beltrami operator that varies, unless the profile names another", "signed", "",
     ),
     Field(
@@ -73,6 +73,12 @@ FIELDS = (
     ),
 )  # fmt: skip
 """In the order in which a page offers them."""
+
+
+def named_fields(field: str) -> tuple[Field, ...]:
+    """FIELDS of a profile whose field is another than ``fiedler``: its name is the title then."""
+    first, *others = FIELDS
+    return FIELDS if field == "fiedler" else (replace(first, title=field), *others)
 
 
 def fields_of(cleaned: Mesh, denoised: Mesh, phi2: Array) -> dict[str, Array]:
@@ -89,10 +95,12 @@ def fields_of(cleaned: Mesh, denoised: Mesh, phi2: Array) -> dict[str, Array]:
     }
 
 
-def display_glb(cleaned: Mesh, denoised: Mesh, phi2: Array, light: Light | None = None) -> bytes:
+def display_glb(
+    cleaned: Mesh, denoised: Mesh, phi2: Array, light: Light | None = None, *, field: str = "fiedler"
+) -> bytes:
     """The GLB that the module's docstring describes, with every field of ``fields_of``.
 
-    light: ``clustered(denoised)``, if it is at hand.
+    light: ``clustered(denoised)``, if it is at hand. field: what the profile calls ``phi2``.
     """
     light = light or clustered(denoised)
     kept = light.kept
@@ -104,10 +112,10 @@ def display_glb(cleaned: Mesh, denoised: Mesh, phi2: Array, light: Light | None 
     back = ((cleaned.vertices[kept] - denoised.vertices[kept]) / scale).astype("<f4")
     scalars = fields_of(cleaned, denoised, phi2)
     told = []
-    for field in FIELDS:
-        known = scalars[field.name][np.isfinite(scalars[field.name])]
+    for one in named_fields(field):
+        known = scalars[one.name][np.isfinite(scalars[one.name])]
         low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
-        told.append({**asdict(field), "attribute": _attribute(field.name), "min": low, "max": high})
+        told.append({**asdict(one), "attribute": _attribute(one.name), "min": low, "max": high})
     extras = {
         "fields": told, "vertices": len(denoised.vertices), "faces": len(denoised.faces),
         "decimated": len(kept) < len(denoised.vertices), "error": light.error,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated, Any
 
 import numpy as np
@@ -96,13 +97,12 @@ def get_display(
 @router.get(f"{_SHAPE}/fields", operation_id="listFields", summary="Scalar fields")
 def list_fields(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> FieldsValue:
     """The scalars that there are on the vertices of the shape's meshes."""
-    from reebase.pictures.display import FIELDS
+    from reebase.pictures.display import named_fields
 
     with here.database.read() as conn:
         _stored(conn, principal, collection, shape)
-    return FieldsValue(items=[
-        FieldInfo(name=f.name, title=f.title, description=f.description, kind=f.kind, unit=f.unit) for f in FIELDS
-    ])  # fmt: skip
+        field = open_collection(conn, principal, collection).profile["field"]
+    return FieldsValue(items=[FieldInfo(**asdict(one)) for one in named_fields(field)])
 
 
 @router.get(

@@ -56,10 +56,11 @@ def _mistakes(found: Evaluation, report: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def _title(found: Evaluation) -> str:
-    params = found.params
-    what = params.get("collection") or "synthetic set"
-    return f"{what}: {params.get('descriptor') or 'srg'}, {params.get('measure') or 'matching'}"
+def _title(found: Evaluation, report: dict[str, Any]) -> str:
+    """As in ``zoo: srg, matching`` or ``zoo: fused, reranked``."""
+    how = "reranked" if report.get("rerank") else report.get("measure")
+    ranking = ", ".join(filter(None, (report.get("descriptor", "srg"), how)))
+    return f"{found.params.get('collection') or 'synthetic set'}: {ranking}"
 
 
 def _svg(request: Request, here: Context, name: str, draw: Any) -> Response:
@@ -87,7 +88,7 @@ def get_plot(
     draw: Any
     if plot == "precision_recall.svg":
         curve = report["precision_recall"]
-        curves = {_title(found): (curve["recall"], curve["precision"])}
+        curves = {_title(found, report): (curve["recall"], curve["precision"])}
         draw = lambda: pictures.precision_recall_plot(curves, theme=theme)  # noqa: E731
     elif plot == "confusion.svg":
         table = _mistakes(found, report)["confusion"]
@@ -118,7 +119,7 @@ def compare(
     curves: dict[str, tuple[list[float], list[float]]] = {}
     found = [_found(here, principal, one) for one in dict.fromkeys(evaluation)]
     for number, (one, report) in enumerate(found, start=1):
-        curve, title = report["precision_recall"], _title(one)
+        curve, title = report["precision_recall"], _title(one, report)
         name = f"{title} ({number})" if title in curves else title
         curves[name] = (curve["recall"], curve["precision"])
     name = "-".join(["precision", *(one.id for one, _ in found), theme])
