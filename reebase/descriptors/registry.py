@@ -106,8 +106,8 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
                    ms.describe, CHARGED, ("matching",)),
         Descriptor("patches", "Patches of the query, each sought in the other: finds the whole of a part.",
                    patches.describe, PATCHES, ("relative", "absolute"), place=patches.place),
-        Descriptor("views", "Depth images from eighteen sides, in any of 48 positions.",
-                   views.describe, VIEWS, ("l1",)),
+        Descriptor("views", "Images from eighteen sides, in any of 48 positions.",
+                   views.describe, VIEWS, ("l1",), version=2),
     )
 })  # fmt: skip
 """name -> descriptor: the thesis's own, the same with richer endpoints, then the peers."""

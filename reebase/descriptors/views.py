@@ -3,8 +3,9 @@ Ouhyoung, "On Visual Similarity Based 3D Model Retrieval", Computer Graphics For
 of Vranic, "3D Model Retrieval", 2004; METHOD §6).
 
 The idea: two shapes are alike if they look alike from all around. A frame turns the shape into a position of its own,
-depth images are taken along the three axes and the six diagonals between them, from both ends, and each keeps the
-magnitudes of its Fourier coefficients round concentric rings, which do not change when the image turns or flips.
+depth images are taken along the three axes and the six diagonals between them, from both ends; each becomes an image of
+how squarely the surface faces the eye, which says more than depth does, and keeps the magnitudes of its Fourier
+coefficients round concentric rings, which do not change when the image turns or flips.
 Which axis is which, and which way it points, is left open: all 48 turns and flips of a cube are tried, in two frames.
 Use it for rigid shapes of any quality: it needs neither connectivity nor a clean surface. A bent limb changes it.
 """
@@ -41,6 +42,9 @@ WAVES = 10
 
 POINTS = 64
 
+WEIGHT = 0.25
+"""Power of a ring's radius by which it counts: less than its length, as limbs far out are what bends."""
+
 _AXES = np.array(
     [
         [1, 0, 0], [0, 1, 0], [0, 0, 1],
@@ -63,14 +67,22 @@ def describe(surface: Surface) -> Array:
         placed = (mesh.vertices - centroid) @ frame / (REACH * radius)
         for axis, front, back in zip(_BASES, turned[0], turned[1], strict=True):
             depth_images(placed @ axis, mesh.faces, front, back)
-    # From 0 at the far side of the window to 1 at the near one; 0 where there is nothing.
-    images[:, 1] *= -1.0
-    nearness = np.clip(np.where(np.isfinite(images), (images + 1.0) / 2.0, 0.0), 0.0, 1.0)
+    images[:, 1] *= -1.0  # as seen from behind, the near side up
+    facing = np.where(np.isfinite(images), _facing(images), 0.0)
     rings = np.zeros((*images.shape[:3], RINGS, POINTS))
     for pixels, weights in _SAMPLES:
-        rings += weights * nearness.reshape(*images.shape[:3], -1)[..., pixels]
+        rings += weights * facing.reshape(*images.shape[:3], -1)[..., pixels]
     waves = np.abs(np.fft.rfft(rings)[..., :WAVES]) / POINTS
-    return np.asarray(waves * np.sqrt(_RADII)[:, None]).reshape(len(frames) * SIDES, -1)
+    return np.asarray(waves * _RADII[:, None] ** WEIGHT).reshape(len(frames) * SIDES, -1)
+
+
+def _facing(images: Array) -> Array:
+    """The squared cosine of the angle between the eye and the normal of the depth image, in [0, 1].
+
+    Outlines, and edges behind which the surface goes on farther away, are steep; all that is empty is at the far side.
+    """
+    depth = np.clip(np.where(np.isfinite(images), images, -1.0), -1.0, 1.0) * (SIZE / 2)
+    return np.asarray(1.0 / (1.0 + np.gradient(depth, axis=-2) ** 2 + np.gradient(depth, axis=-1) ** 2))
 
 
 def canonical_frames(mesh: Mesh) -> tuple[Array, float, tuple[Array, Array]]:
