@@ -18,8 +18,11 @@ vector."""
 STEPS = 100
 """Blocks after which the search gives up, beyond those that the wanted vectors fill four times."""
 
-FIRST = 1.7
-"""Times the wanted vectors, and six blocks: the size from which convergence is looked at."""
+FIRST = 1.4
+"""Vectors for each wanted one, and"""
+
+MORE = 6.0
+"""vectors for each digit, from which on convergence is looked at; six for a wanted one suffice where few are wanted."""
 
 RATE = 4.0
 """By about so much the residual falls with each block: when to look again."""
@@ -54,7 +57,9 @@ def block_lanczos(
     basis[0], H[0, 0] = root, 0.0
     random = np.random.default_rng(0)
     block = _started(random, basis[:1])
-    size, look, residual, drift, twice = 1, int(FIRST * count) + 6 * WIDTH, np.inf, EPSILON, 0
+    digits = -np.log10(tolerance)
+    look = int(min(FIRST * count + MORE * digits, (MORE + digits) * count))
+    size, residual, drift, twice = 1, np.inf, EPSILON, 0
     while size + len(block) <= limit:
         if size + len(block) > len(basis):
             more = min(limit, 2 * len(basis)) - len(basis)
