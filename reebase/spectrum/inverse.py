@@ -44,13 +44,19 @@ MOST = 2.0
 SAME = 1e-5
 """Eigenvalues nearer than this share may be copies of one, of which some may be missing."""
 
+LIGHT = 0.01
+"""Vertices with less than this share of the mean mass get phi by the inverse: R^(1/2) phi knows it too little there."""
+
+AMPLIFIED = 10.0
+"""Accepted error of the inverse itself, in tolerances."""
+
 Array = npt.NDArray[np.float64]
 
 
 def smallest(C: csr_matrix, mass: Array, points: Array | None, count: int, tolerance: float) -> tuple[Array, Array]:
     """Eigenvalues (count,), increasing, and eigenvectors (m, count) of C phi = lambda R phi beyond the constant.
 
-    mass sums to 1; points as for ``Elimination``. Zero masses do no harm: phi extends there by the inverse.
+    mass sums to 1; points as for ``Elimination``. Masses may be 0: phi extends there by the inverse.
     tolerance: relative residual of the eigenpairs of the inverse. Raises ComputationError.
     """
     elimination = Elimination(C, points)
@@ -58,12 +64,12 @@ def smallest(C: csr_matrix, mass: Array, points: Array | None, count: int, toler
         return _dense(elimination, mass, count)
     sigma, factor = _inside(elimination, mass, count) if count >= MANY else (-SHIFT, elimination.factor(SHIFT * mass))
     try:
-        found = _around(factor, sigma, mass, count, tolerance)
+        found = _around(C, mass, factor, sigma, count, tolerance)
     except ComputationError:
         if sigma < 0.0:
             raise
         sigma = -SHIFT  # for sigma inside may have hit an eigenvalue
-        found = _around(elimination.factor(SHIFT * mass), sigma, mass, count, tolerance)
+        found = _around(C, mass, elimination.factor(SHIFT * mass), sigma, count, tolerance)
     eigenvalues = found[0]
     near = SAME * eigenvalues[-1]
     above = eigenvalues[eigenvalues > sigma]
@@ -73,7 +79,7 @@ def smallest(C: csr_matrix, mass: Array, points: Array | None, count: int, toler
         sigma = (eigenvalues[last - 1] + eigenvalues[last]) / 2
         factor = elimination.factor(-sigma * mass)
         if factor.negative != last + 1:
-            return _around(factor, sigma, mass, count, tolerance)
+            return _around(C, mass, factor, sigma, count, tolerance)
     return found
 
 
@@ -91,13 +97,32 @@ def _inside(elimination: Elimination, mass: Array, count: int) -> tuple[float, F
     return -SHIFT, elimination.factor(SHIFT * mass)
 
 
-def _around(factor: Factor, sigma: float, mass: Array, count: int, tolerance: float) -> tuple[Array, Array]:
+def _around(
+    C: csr_matrix, mass: Array, factor: Factor, sigma: float, count: int, tolerance: float
+) -> tuple[Array, Array]:
     """With the factor of C - sigma R: all eigenpairs below sigma, and the next ones."""
     root = np.sqrt(mass)
     below = max(factor.negative - 1, 0)
     mu, y = block_lanczos(lambda rows: factor.solve(rows, root), root, below, max(count - below, 0), tolerance)
-    eigenvalues, phi = _eigenpairs(factor, sigma, root, mu, y)
-    return eigenvalues[:count], phi[:, :count]
+    mu, y = mu[:count], y[:, :count]
+    some = np.unique(np.linspace(0, count - 1, WIDTH).astype(np.int64))
+    error = _error(C, mass, factor, sigma, y[:, some]) / abs(mu[some])
+    if not error.max() <= AMPLIFIED * tolerance:
+        raise ComputationError(
+            f"The operator was not factorised well enough: its inverse errs by {error.max():.1e}, "
+            f"{AMPLIFIED * tolerance:.1e} is accepted.",
+            error=float(error.max()),
+        )  # fmt: skip
+    return _eigenpairs(factor, sigma, root, mu, y)
+
+
+def _error(C: csr_matrix, mass: Array, factor: Factor, sigma: float, y: Array) -> Array:
+    """Length of the error of R^(1/2) (C - sigma R)^(-1) R^(1/2) y of each column, by a step of refinement."""
+    root, one = np.sqrt(mass), np.ones(len(mass))
+    b = (root[:, None] * y).T
+    x = factor.solve(b, one)
+    left = b - (C @ x.T).T + sigma * mass * x
+    return np.asarray(np.linalg.norm(root * factor.solve(np.ascontiguousarray(left), one), axis=1))
 
 
 def _dense(elimination: Elimination, mass: Array, count: int) -> tuple[Array, Array]:
@@ -105,15 +130,13 @@ def _dense(elimination: Elimination, mass: Array, count: int) -> tuple[Array, Ar
     S = factor.solve(np.eye(m), root)
     S -= np.outer(root, root) / SHIFT  # root is the unit eigenvector of the constant, with mu = 1 / s
     mu, y = np.linalg.eigh((S + S.T) / 2)
-    return _eigenpairs(factor, -SHIFT, root, mu[m - count :], y[:, m - count :])
+    return _eigenpairs(factor, -SHIFT, root, mu[: m - count - 1 : -1], y[:, : m - count - 1 : -1])
 
 
 def _eigenpairs(factor: Factor, sigma: float, root: Array, mu: Array, y: Array) -> tuple[Array, Array]:
     with np.errstate(divide="ignore", invalid="ignore"):
-        eigenvalues = sigma + 1.0 / mu
-        order = np.argsort(eigenvalues, kind="stable")
-        phi = y[:, order] / root[:, None]
-    bare = root == 0.0
-    if bare.any():
-        phi[bare] = (factor.solve((root[:, None] * y).T, np.ones(len(root)))[:, bare].T / mu)[:, order]
-    return eigenvalues[order], phi
+        phi = y / root[:, None]
+        light = root < np.sqrt(LIGHT / len(root))
+        if light.any():
+            phi[light] = factor.solve((root[:, None] * y).T, np.ones(len(root)))[:, light].T / mu
+        return sigma + 1.0 / mu, phi

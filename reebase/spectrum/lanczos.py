@@ -42,7 +42,7 @@ Array = npt.NDArray[np.float64]
 def block_lanczos(
     apply: Callable[[Array], Array], root: Array, negative: int, positive: int, tolerance: float
 ) -> tuple[Array, Array]:
-    """The ``negative`` smallest and the ``positive`` largest eigenvalues, and their vectors (m, count).
+    """The ``negative`` smallest and the ``positive`` largest eigenvalues mu, 1 / mu increasing, and vectors (m, count).
 
     apply: the operator on rows (n, m), n a multiple of WIDTH; ``root`` is a unit eigenvector, which is left out.
     negative: how many eigenvalues are negative beside that of ``root``; all are found, whatever their multiplicities.
@@ -85,7 +85,7 @@ def block_lanczos(
             continue
         mu, s = np.linalg.eigh(H[1:size, 1:size])
         below = min(negative, int(np.count_nonzero(mu < 0.0)))
-        wanted = np.concatenate([np.arange(below), np.arange(len(mu) - positive, len(mu))])
+        wanted = np.concatenate([np.arange(below)[::-1], np.arange(len(mu) - positive, len(mu))[::-1]])
         last = s[new.start - 1 :, wanted]
         residual = float((np.linalg.norm(R @ last, axis=0) / abs(mu[wanted])).max())
         if residual > tolerance:
