@@ -30,6 +30,7 @@ from service.routes import (
     collections,
     denoise,
     drawn,
+    duplicates,
     evaluations,
     events,
     maps,
@@ -55,8 +56,8 @@ DESCRIPTION = (
 
 _ROUTERS: tuple[APIRouter, ...] = (
     collections.router, shapes.router, bulk.router, maps.router, synthetic.router, results.router, drawn.router,
-    queries.router, rankings.router, denoise.router, tasks.router, events.router, evaluations.router, plots.router,
-    about.router, operations.router, pages.router,
+    duplicates.router, queries.router, rankings.router, denoise.router, tasks.router, events.router,
+    evaluations.router, plots.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

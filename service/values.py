@@ -18,7 +18,7 @@ from store.records import Collection, Evaluation, Shape, Task
 __all__ = ["collection_value", "error_value", "evaluation_value", "shape_value", "shape_values", "task_value",
            "task_values"]  # fmt: skip
 
-_RESULTS_ELSEWHERE = ("describe", "evaluate", "map")
+_RESULTS_ELSEWHERE = ("describe", "duplicates", "evaluate", "map")
 """Kinds of tasks whose results are read where they belong."""
 
 

@@ -22,15 +22,21 @@ import numpy.typing as npt
 from sqlalchemy import ColumnElement, Connection, and_, delete, exists, false, func, or_, select
 
 from reebase.descriptors import Kept, descriptor_named
+from reebase.duplicates.signature import VERSION as SIGNATURE
 from store.errors import NothingToCompare
 from store.records import Collection
 from store.sql import insert
 from store.tables import descriptor as table
 from store.tables import endpoint_features, present, shape, task
 
-__all__ = ["SRG", "Described", "check_any", "coverage", "described", "lacking", "names_of", "of_shapes", "write"]
+__all__ = [
+    "DUPLICATES", "SRG", "Described", "check_any", "coverage", "described", "lacking", "names_of", "of_shapes", "write",
+]  # fmt: skip
 
 SRG = "srg"
+DUPLICATES = "duplicates"
+"""What near-duplicates are sought by: it is kept as a descriptor is, and ranks nothing."""
+
 _MANY = 500  # ids in one statement
 
 
@@ -158,4 +164,4 @@ def _present_version(names: Some[str], profile_key: str) -> ColumnElement[bool]:
 
 
 def _version(name: str, profile_key: str) -> str:
-    return f"{profile_key}.{descriptor_named(name).version}"
+    return f"{profile_key}.{SIGNATURE if name == DUPLICATES else descriptor_named(name).version}"

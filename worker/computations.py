@@ -11,7 +11,9 @@ import io
 import json
 import socket
 import time
+import zipfile
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -41,10 +43,12 @@ def describe(
     arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description`` (a saved
     Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY,
     the latter with the field as ``phi2``), what a page draws: ``display`` (GLB) and ``thumbnail`` (PNG), and ``kept``:
-    what the argument ``descriptors`` keep of it. Answers which of these could not describe the mesh, as ``refused``.
+    what the argument ``descriptors`` keep of it, and what duplicates are sought by where it names ``duplicates``.
+    Answers which of these could not describe the mesh, as ``refused``.
     """
     from reebase import pipeline
-    from reebase.descriptors import kept, surface_of
+    from reebase.descriptors import DESCRIPTORS, kept, surface_of
+    from reebase.duplicates import signature
     from reebase.mesh.read import Limits
     from reebase.mesh.write import to_bytes
     from reebase.pictures.display import clustered, display_glb
@@ -59,7 +63,10 @@ def describe(
     if "kept" in outputs:
         progress("descriptors", 0.9)
         start = time.perf_counter()
-        found, refused = kept.keep(surface_of(description), arguments["descriptors"])
+        names = list(arguments["descriptors"])
+        found, refused = kept.keep(surface_of(description), [name for name in names if name in DESCRIPTORS])
+        if "duplicates" in names:
+            found["duplicates"] = kept.Kept(signature(description.cleaned)[None].astype(np.float32))
         kept.save(outputs["kept"], found)
         seconds = {**seconds, "descriptors": time.perf_counter() - start}
     if outputs.keys() & {"cleaned", "denoised", "display", "thumbnail"}:
@@ -153,6 +160,30 @@ def map_collection(
     return {}
 
 
+def duplicates(
+    _: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
+) -> dict[str, Any]:
+    """Which of some shapes are one. source: zip of their meshes by number (PLY), ``names.json`` and
+    ``signatures.npy``. outputs: ``findings`` (JSON).
+    """
+    from reebase.duplicates import Shape, find_duplicates
+    from reebase.mesh.read import read
+
+    with zipfile.ZipFile(source) as archive:
+        signatures = np.load(io.BytesIO(archive.read("signatures.npy")), allow_pickle=False)
+
+        def mesh(number: int) -> Mesh:
+            return read(archive.read(f"{number}.ply"), "ply")
+
+        names = json.loads(archive.read("names.json"))
+        shapes = [
+            Shape(name, partial(mesh, number), signatures[number]) for number, name in enumerate(names)
+        ]
+        found = find_duplicates(shapes, progress=lambda fraction: progress("compare", fraction))
+    outputs["findings"].write(json.dumps([one.to_json() for one in found]).encode())
+    return {}
+
+
 def synthesise(
     arguments: dict[str, Any], _: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
 ) -> dict[str, Any]:
@@ -175,7 +206,7 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
 
 
 COMPUTATIONS: dict[str, Computation] = {
-    "denoise": denoise, "describe": describe, "evaluate": evaluate, "map": map_collection,
+    "denoise": denoise, "describe": describe, "duplicates": duplicates, "evaluate": evaluate, "map": map_collection,
     "probe": probe, "synthesise": synthesise,
 }  # fmt: skip
 
@@ -198,7 +229,7 @@ def warm() -> None:
     # A mesh in each format loads its reader; the last has an edge of four faces, for the operator of such.
     for mesh, format in [*((kernels.sample(), format) for format in _FORMATS), (_two_tetrahedra(), "ply")]:
         outputs = {name: io.BytesIO() for name in _DESCRIBED}
-        names = [] if kept.getvalue() else [*DESCRIPTORS]
+        names = [] if kept.getvalue() else ["duplicates", *DESCRIPTORS]
         try:
             source = io.BytesIO(to_bytes(mesh, format))
             asked = {"format": format, "limits": {}, "profile": profile, "descriptors": names}

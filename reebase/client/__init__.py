@@ -33,6 +33,8 @@ try:
         Denoised,
         DenoisingPart,
         Descriptor,
+        Duplicate,
+        Duplicates,
         Errors,
         Evaluation,
         Failure,
@@ -60,7 +62,8 @@ except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is 
 
 __all__ = [
     "Answer", "Choice", "Client", "Collection", "Counts", "Coverage", "Denoised", "DenoisingPart", "Descriptor",
-    "Errors", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part",
-    "PartMatch", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits", "ServiceUnreachable",
-    "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload", "WaitTimeout",
+    "Duplicate", "Duplicates", "Errors", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix",
+    "Measure", "Pair", "Part", "PartMatch", "Progress", "Readiness", "RequestBroken", "ServiceError", "ServiceLimits",
+    "ServiceUnreachable", "Shape", "Source", "Task", "TaskFailed", "UnexpectedReply", "Unmatched", "Upload",
+    "WaitTimeout",
 ]  # fmt: skip

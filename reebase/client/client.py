@@ -24,6 +24,7 @@ from reebase.client.records import (
     Coverage,
     Denoised,
     Descriptor,
+    Duplicates,
     Evaluation,
     Filter,
     Formats,
@@ -504,6 +505,19 @@ class Client:
         """Queue the shapes that lack a descriptor which the service keeps, or one of these; how many that are."""
         path, body = _collection(collection) + "/reindex", {"descriptors": list(descriptors)}
         return self._get(lambda found: int(found["queued"]), path, method="POST", reads=True, json=body)
+
+    def find_duplicates(self, collection: str) -> Task:
+        """Have near-duplicates sought; the task that does it, or did it when nothing changed since."""
+        return self._get(records.task_of, _collection(collection) + "/duplicates", method="POST", reads=True)
+
+    def duplicates(self, collection: str, *, shape: str | None = None, confidence: str = "fair", limit: int = 1000
+                   ) -> Duplicates:  # fmt: skip
+        """What the latest search found, the strongest first; nothing is ever deleted because of it.
+
+        shape: only findings with this one. confidence: ``certain``, ``strong`` or ``fair``, the least to be told.
+        """
+        asked = _given({"shape": shape, "confidence": confidence, "limit": limit})
+        return self._get(records.duplicates_of, _collection(collection) + "/duplicates", params=asked)
 
     def filters(self) -> list[Filter]:
         """The denoising filters that a profile can name."""

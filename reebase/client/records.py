@@ -14,9 +14,9 @@ import numpy.typing as npt
 from reebase.client.errors import ServiceError
 
 __all__ = [
-    "Answer", "Choice", "Collection", "Counts", "Coverage", "Denoised", "DenoisingPart", "Descriptor", "Errors",
-    "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure", "Pair", "Part", "PartMatch",
-    "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
+    "Answer", "Choice", "Collection", "Counts", "Coverage", "Denoised", "DenoisingPart", "Descriptor", "Duplicate",
+    "Duplicates", "Errors", "Evaluation", "Failure", "Filter", "Formats", "Hit", "HitShape", "Matrix", "Measure",
+    "Pair", "Part", "PartMatch", "Progress", "Readiness", "ServiceLimits", "Shape", "Task", "Unmatched", "Upload",
 ]  # fmt: skip
 
 _Record = TypeVar("_Record")
@@ -363,6 +363,41 @@ class Coverage:
 
 
 @dataclass(frozen=True)
+class Duplicate:
+    """Two shapes that are one, by id and name; the same twice where one file holds several copies.
+
+    classes: what was done, see ``reebase.duplicates.CLASSES``. confidence: certain, strong or fair. scale: what the
+    first must be multiplied by to have the second's size; units: which were taken for one another. evidence: the
+    numbers. words: the finding as a sentence.
+    """
+
+    first: str
+    first_name: str
+    second: str
+    second_name: str
+    classes: tuple[str, ...]
+    confidence: str
+    scale: float
+    units: str | None
+    copies: int
+    words: str
+    evidence: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Duplicates:
+    """What a search found. state: current, outdated or none. left_out: shapes that could not be compared. total: of all
+    findings, of which ``findings`` are the strongest."""
+
+    state: str
+    made_at: datetime | None
+    compared: int
+    left_out: int
+    total: int
+    findings: tuple[Duplicate, ...]
+
+
+@dataclass(frozen=True)
 class Filter:
     """A denoising filter, or ``none``, that a profile's ``denoise`` can name."""
 
@@ -380,8 +415,8 @@ class Readiness:
     queued: int
 
 
-_TUPLES = frozenset({"tags", "flags", "written", "measures", "parts", "left_out"})
-_MOMENTS = frozenset({"created_at", "updated_at", "started_at", "finished_at", "worker_seen_at"})
+_TUPLES = frozenset({"tags", "flags", "written", "measures", "parts"})
+_MOMENTS = frozenset({"created_at", "updated_at", "started_at", "finished_at", "worker_seen_at", "made_at"})
 
 
 def _plain(name: str, value: Any) -> Any:
@@ -447,7 +482,7 @@ def _hit(values: Json) -> Hit:
 
 def answer_of(values: Json) -> Answer:
     return record(
-        Answer, values, hits=tuple(_hit(hit) for hit in values["hits"]),
+        Answer, values, hits=tuple(_hit(hit) for hit in values["hits"]), left_out=tuple(values.get("left_out", ())),
         buckets={bucket["endpoint_count"]: bucket["shapes"] for bucket in values["buckets"]},
     )  # fmt: skip
 
@@ -457,6 +492,17 @@ def outcome_of(values: Json) -> Answer | ServiceError:
     if values["answer"] is not None:
         return answer_of(values["answer"])
     return ServiceError(values["problem"].get("status"), values["problem"])
+
+
+def duplicates_of(values: Json) -> Duplicates:
+    findings = tuple(
+        record(
+            Duplicate, one, classes=tuple(one["classes"]), first=one["first"]["id"], first_name=one["first"]["name"],
+            second=one["second"]["id"], second_name=one["second"]["name"],
+        )
+        for one in values["findings"]
+    )  # fmt: skip
+    return record(Duplicates, values, findings=findings)
 
 
 def evaluation_of(values: Json) -> Evaluation:

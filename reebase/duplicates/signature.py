@@ -23,6 +23,9 @@ POINTS = 2048
 PAIRED = 512
 LEVELS = (np.arange(24) + 0.5) / 24
 
+VERSION = 1
+"""Raised when the same mesh would give other numbers."""
+
 PART = 2 * len(LEVELS) + 3
 """Numbers that describe one surface."""
 

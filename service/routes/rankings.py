@@ -78,6 +78,6 @@ def reindex_collection(
     asked = [name for name in (body.descriptors if body else []) if name != SRG]
     with here.database.write() as conn:
         opened = open_collection(conn, principal, collection)
-        lacking = descriptors.lacking(conn, opened, {*here.settings.descriptors, *asked})
+        lacking = descriptors.lacking(conn, opened, {descriptors.DUPLICATES, *here.settings.descriptors, *asked})
         params = {"descriptors": asked} if asked else {}
         return ReindexValue(queued=tasks.describe_anew(conn, opened.id, frozenset(lacking), params))

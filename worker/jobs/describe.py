@@ -24,7 +24,7 @@ def run(tools: Tools, claim: Claim) -> None:
     wanted = {*tools.settings.descriptors, *task.params.get("descriptors", ()), *before}
     with tools.described(
         claim, shape.sha256, collection.profile, format=shape.format, outputs=results.BLOBS,
-        descriptors=[name for name in DESCRIPTORS if name in wanted],
+        descriptors=[descriptors.DUPLICATES, *(name for name in DESCRIPTORS if name in wanted)],
     ) as finished:  # fmt: skip
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
