@@ -93,7 +93,8 @@ def test_neither_motion_nor_scale_nor_order_makes_it_another_shape(name):
     # d2 and gps look at a sample of points, which follows the order of the faces; phi_2 is iterated to 1e-5; of points
     # that are equally far, as on this shape, which is its own mirror image, rounding decides which one rgpd and
     # patches take.
-    exact = {"srg": 1e-3, "rgpd": 0.05, "patches": 0.3}.get(name, 1e-6)
+    # Eigenvectors are right to five digits.
+    exact = {"srg": 1e-3, "rgpd": 0.05, "patches": 0.3}.get(name, 3e-5)
     allowed = 0.1 if name in ("d2", "gps") else exact
     assert descriptor.compare(kept[0], descriptor.describe(copy)) < allowed * apart
     same_order = moved(SHAPES[0], (3, -2, 1), scale=25.4, seed=4)
