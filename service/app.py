@@ -39,6 +39,7 @@ from service.routes import (
     plots,
     queries,
     rankings,
+    reports,
     results,
     shapes,
     synthetic,
@@ -57,7 +58,7 @@ DESCRIPTION = (
 _ROUTERS: tuple[APIRouter, ...] = (
     collections.router, shapes.router, bulk.router, maps.router, synthetic.router, results.router, drawn.router,
     duplicates.router, queries.router, rankings.router, denoise.router, tasks.router, events.router,
-    evaluations.router, plots.router, about.router, operations.router, pages.router,
+    evaluations.router, plots.router, reports.router, about.router, operations.router, pages.router,
 )  # fmt: skip
 
 

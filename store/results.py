@@ -32,12 +32,13 @@ from store.sql import insert
 
 __all__ = [
     "BLOBS", "Labelled", "features", "features_of_bytes", "health", "labelled", "not_described", "skeleton",
-    "skeleton_value", "store_description",
+    "skeleton_value", "store_description", "thumbnails",
 ]  # fmt: skip
 
 BLOBS = ("cleaned", "denoised", "display", "thumbnail")
 """What is kept of a shape beside its upload: the meshes (PLY), a light one (GLB) and a picture (PNG) for pages."""
 
+_MANY = 500  # ids in one statement
 _ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
 
 
@@ -139,6 +140,17 @@ def health(conn: Connection, shape_id: str) -> StoredHealth:
     row = _row(conn, tables.health, shape_id)
     report = Health.from_json(row["report"])
     return StoredHealth(shape_id, row["profile_key"], row["pipeline_version"], report, row["seconds"])
+
+
+def thumbnails(conn: Connection, shape_ids: Sequence[str]) -> dict[str, str]:
+    """The blobs of the pictures of these shapes, by id, of those that have one."""
+    table = tables.skeleton
+    found: dict[str, str] = {}
+    for start in range(0, len(shape_ids), _MANY):
+        some = table.c.shape_id.in_(shape_ids[start : start + _MANY])
+        columns = select(table.c.shape_id, table.c.thumbnail_sha256).where(some, table.c.thumbnail_sha256.is_not(None))
+        found.update((row.shape_id, row.thumbnail_sha256) for row in conn.execute(columns))
+    return found
 
 
 def labelled(

@@ -184,6 +184,42 @@ def duplicates(
     return {}
 
 
+def report(
+    arguments: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
+) -> dict[str, Any]:
+    """Evaluations of the same shapes side by side.
+
+    source: a ZIP archive of ``items.json``, ``matrix-0.npy`` ... and ``ID.png``. arguments: ``title``, ``entries``
+    (``name`` and ``measure`` of each matrix). outputs: ``page`` (HTML), ``files`` (ZIP).
+    """
+    from reebase.evaluation import evaluate
+    from reebase.report import Entry, Report, files
+    from reebase.report.lists import shown_in
+
+    entries: list[Entry] = []
+    with zipfile.ZipFile(source) as archive:
+        items = json.loads(archive.read("items.json"))
+        labels, ids = [item["label"] for item in items], [item["id"] for item in items]
+        for number, told in enumerate(arguments["entries"]):
+            progress("measures", 0.6 * number / len(arguments["entries"]))
+            with archive.open(f"matrix-{number}.npy") as matrix:
+                dissimilarities = np.load(io.BytesIO(matrix.read()), allow_pickle=False)
+            entries.append(Entry(told["name"], told["measure"], evaluate(dissimilarities, labels, ids)))
+        there = {name.removesuffix(".png") for name in archive.namelist()}
+        drawn = {shape: archive.read(f"{shape}.png") for shape in shown_in(entries) if shape in there}
+    names = {item["id"]: item["name"] for item in items}
+    made = files(
+        Report(arguments["title"], entries, names=names, thumbnails=drawn),
+        progress=lambda fraction: progress("plots", 0.6 + 0.4 * fraction),
+    )
+    outputs["page"].write(made["index.html"])
+    with zipfile.ZipFile(outputs["files"], "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in made.items():
+            # Of no date, so that the same report is the same file.
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    return {}
+
+
 def synthesise(
     arguments: dict[str, Any], _: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
 ) -> dict[str, Any]:
@@ -207,7 +243,7 @@ def probe(_: dict[str, Any], __: BinaryIO, ___: Mapping[str, BinaryIO], ____: Pr
 
 COMPUTATIONS: dict[str, Computation] = {
     "denoise": denoise, "describe": describe, "duplicates": duplicates, "evaluate": evaluate, "map": map_collection,
-    "probe": probe, "synthesise": synthesise,
+    "probe": probe, "report": report, "synthesise": synthesise,
 }  # fmt: skip
 
 

@@ -24,7 +24,7 @@ from store.settings import Settings
 from store.tasks import DatabaseQueue, TaskQueue
 from worker.claim import CancelledError, Claim, LostError, Stop, StoppedError
 from worker.guards import ChildLimits
-from worker.jobs import denoise, describe, duplicates, evaluate, map, query, synthesise
+from worker.jobs import denoise, describe, duplicates, evaluate, map, query, report, synthesise
 from worker.sandbox import ChildError, Sandbox, SandboxError
 from worker.tools import Tools
 
@@ -47,6 +47,7 @@ _JOBS: dict[str, Callable[[Tools, Claim], None]] = {
     "evaluate": evaluate.run,
     "map": map.run,
     "duplicates": duplicates.run,
+    "report": report.run,
     "synthesise": synthesise.run,
 }
 

@@ -82,6 +82,8 @@ def test_what_is_not_there(api: httpx.Client, method: str, path: str) -> None:
         body = {"json": {"queries": queries} if path.endswith("queries") else {"name": "x", "shape": "x"}}
         if path.endswith(("synthetic", "map")):
             body = {"json": {}}
+        if path.endswith("reindex"):
+            body = {}
         if "/bulk/" in path:
             body = {"json": {"shapes": ["x"], **({"label": "a"} if path.endswith("label") else {})}}
         if method == "PATCH" and path.endswith("{collection}"):
@@ -173,8 +175,8 @@ WORDS: dict[str, tuple[dict[str, Any], str]] = {
     "another member": ({"name": "a", "colour": "red"},
                        "colour: is not known here; there is name, description, profile"),
     "another parameter": ({"name": "a", "profile": {"bandss": 1}},
-                          "profile.bandss: is not known here; there is denoise, iterations, field, bands, saliency, "
-                          "threshold, area, operator"),
+                          "profile.bandss: is not known here; there is denoise, iterations, field, bands, levels, "
+                          "saliency, threshold, area, operator"),
     "bands": ({"name": "a", "profile": {"bands": 1}}, "profile.bands: must be at least 2"),
     "half a band": ({"name": "a", "profile": {"bands": 2.5}}, "profile.bands: must be a whole number"),
     "a list": ({"name": ["a"]}, "name: must be a text"),
