@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 NEAR = 0.7
 """Residual in mean edge lengths, of all but the farthest hundredth, up to which one surface lies on the other."""
 
-NEAR_SIZE = 0.08
+NEAR_SIZE = 0.06
 """The same in sizes of the shape: an edge of a coarse mesh is long."""
 
 CHECKED = 400
@@ -40,7 +40,8 @@ class Evidence:
 
     similarity: what puts it there. mirrored: whether it takes a mirror image; None where the shape is so symmetric
     that it cannot be told. residual, farthest: mean distance between the surfaces and that of all but the farthest
-    hundredth, in mean edge lengths of the coarser mesh. same_faces: share of the faces that both have, once
+    hundredth, in mean edge lengths of the coarser mesh. of_size: the latter over the shape's size, its root mean square
+    distance to the centre: where edges are long it says more. same_faces: share of the faces that both have, once
     vertices are matched. vertices: those of the first over those of the second. area, volume: likewise, after
     scaling; volume is None where a mesh encloses none.
     """
@@ -49,6 +50,7 @@ class Evidence:
     mirrored: bool | None
     residual: float
     farthest: float
+    of_size: float
     same_faces: float
     vertices: float
     area: float
@@ -62,10 +64,14 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
     """
     scale = second.size / (first.size or 1.0)
     plain = [Similarity(1.0, np.eye(3), np.zeros(3)), Similarity(scale, np.eye(3), np.zeros(3))]
-    for one in plain:
+    exact = list(plain)
+    if np.array_equal(np.sort(first.mesh.faces, axis=1), np.sort(second.mesh.faces, axis=1)):
+        # Most copies keep the order of their vertices, and then there is nothing to search for.
+        exact += fitted(first.mesh.vertices, second.mesh.vertices)
+    for one in exact:
         found = _residuals(one, first, second)
-        if _is_near(found, second) and found[0] <= FLAT:
-            return _evidence(one, found, first, second, False)
+        if _is_near(found, one, first, second) and found[0] <= FLAT:
+            return _evidence(one, found, first, second, one.mirrors)
     fits = best_similarities(first, second)
     if not fits:
         return None
@@ -73,18 +79,21 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
     ways = [*plain, *refined]
     residuals = [_residuals(one, first, second) for one in ways]
     best = min(range(len(ways)), key=lambda way: residuals[way][0])
-    if not _is_near(residuals[best], second):
+    if not _is_near(residuals[best], ways[best], first, second):
         return None
     enough = WORSE * max(residuals[best][0], FLAT)
-    chosen = next(way for way in range(len(ways)) if residuals[way][0] <= enough and _is_near(residuals[way], second))
+    chosen = next(
+        way for way in range(len(ways))
+        if residuals[way][0] <= enough and _is_near(residuals[way], ways[way], first, second)
+    )  # fmt: skip
     both = residuals[2][0] <= enough and residuals[3][0] <= enough
     mirrored = None if both and chosen >= len(plain) else ways[chosen].mirrors
     return _evidence(ways[chosen], residuals[chosen], first, second, mirrored)
 
 
-def _is_near(residuals: tuple[float, float], second: Surface) -> bool:
-    edges_to_sizes = second.edge / (second.size or 1.0)
-    return residuals[1] <= NEAR and residuals[1] * edges_to_sizes <= NEAR_SIZE
+def _is_near(residuals: tuple[float, float], similarity: Similarity, first: Surface, second: Surface) -> bool:
+    most = NEAR_SIZE * second.size / (_edge(similarity, first, second) or 1.0)
+    return residuals[1] <= min(NEAR, most)
 
 
 def _edge(similarity: Similarity, first: Surface, second: Surface) -> float:
@@ -148,6 +157,7 @@ def _evidence(
         mirrored=mirrored,
         residual=residuals[0],
         farthest=residuals[1],
+        of_size=residuals[1] * _edge(similarity, first, second) / (second.size or 1.0),
         same_faces=_same_faces(similarity, first, second),
         vertices=len(first.mesh.vertices) / len(second.mesh.vertices),
         area=float(face_areas(first.mesh).sum() * similarity.scale**2 / face_areas(second.mesh).sum()),

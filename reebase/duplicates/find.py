@@ -34,7 +34,8 @@ HELD = 64
 """Surfaces that are kept prepared; of those compared one after the other most have one in common."""
 
 COPY_AREA = 0.02
-"""Share by which the areas of copies in one file may differ."""
+MOST_COPIES = 100
+"""Share by which the areas of copies in one file may differ, and how many are counted: a plate of screws has no end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +167,13 @@ def _copies_within(shape: Shape) -> list[Finding]:
 
 
 def _alike(mesh: Mesh, body: Surface) -> list[Surface]:
-    """The components of the mesh that are copies of its largest, which is not among them."""
+    """The components of the mesh that are copies of its largest, which is not among them; at most MOST_COPIES - 1."""
     own = signature(body.mesh)[:PART]
     area = float(face_areas(body.mesh).sum())
     count, labels = edges(mesh.faces).components
     areas = np.bincount(labels, weights=face_areas(mesh), minlength=count)
     found = []
-    for part in np.flatnonzero(np.abs(areas / area - 1) <= COPY_AREA):
+    for part in np.flatnonzero(np.abs(areas / area - 1) <= COPY_AREA)[:MOST_COPIES]:
         used, corners = np.unique(mesh.faces[labels == part], return_inverse=True)
         other = Mesh(mesh.vertices[used], corners.reshape(-1, 3).astype(np.int32))
         if part == int(areas.argmax()) or np.sqrt(((signature(other)[:PART] - own) ** 2).mean()) > REACH:

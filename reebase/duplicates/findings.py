@@ -22,7 +22,9 @@ within that of noise, which two different shapes can come near to. The error rat
 (docs/duplicates.md)."""
 
 STRONG = 0.25
-"""Greatest residual of ``strong``, of all but the farthest hundredth, in mean edge lengths."""
+STRONG_SIZE = 0.02
+"""Greatest residual of ``strong``, of all but the farthest hundredth, in mean edge lengths and in sizes of the shape:
+of a box of twelve triangles a tenth of an edge is another box."""
 
 SAME_FACES = 0.99
 MOST_FACES = 0.5
@@ -72,8 +74,9 @@ class Finding:
         if self.evidence is not None:
             found = self.evidence
             record["evidence"] = {
-                "residual": found.residual, "farthest": found.farthest, "same_faces": found.same_faces,
-                "vertices": found.vertices, "area": found.area, "volume": found.volume, "mirrored": found.mirrored,
+                "residual": found.residual, "farthest": found.farthest, "of_size": found.of_size,
+                "same_faces": found.same_faces, "vertices": found.vertices, "area": found.area,
+                "volume": found.volume, "mirrored": found.mirrored,
                 "degrees": found.similarity.degrees, "rotation": found.similarity.rotation.tolist(),
                 "shift": found.similarity.shift.tolist(),
             }  # fmt: skip
@@ -106,7 +109,8 @@ def finding_of(first: str, second: str, evidence: Evidence, size: float, copies:
         "copies": copies > 1,
     }  # fmt: skip
     classes = (mesh, *(name for name, is_so in told.items() if is_so))
-    confidence = "certain" if same else "strong" if evidence.farthest <= STRONG else "fair"
+    close = evidence.farthest <= STRONG and evidence.of_size <= STRONG_SIZE
+    confidence = "certain" if same else "strong" if close else "fair"
     units = _units(similarity.scale, slack) if rescaled else None
     words = _words(first, second, evidence, classes, units, copies)
     return Finding(first, second, classes, confidence, similarity.scale, units, copies, evidence, words)
@@ -120,7 +124,7 @@ def _units(scale: float, slack: float) -> str | None:
 def _words(
     first: str, second: str, evidence: Evidence, classes: tuple[str, ...], units: str | None, copies: int
 ) -> str:
-    within = f"within {evidence.farthest:.2g} mean edge lengths"
+    within = f"within {evidence.farthest:.2g} mean edge lengths or {evidence.of_size:.2g} of its size"
     less = f"{min(evidence.vertices, 1 / evidence.vertices):.0%} of the vertices"
     parts = {
         "same_mesh": "the same triangles",

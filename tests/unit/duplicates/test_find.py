@@ -11,7 +11,20 @@ from reebase.errors import ParameterError
 from reebase.evaluation.disturb import DISTURBANCES
 from reebase.evaluation.synthetic import synthetic_shape
 from reebase.mesh import Mesh, clean
-from tests.shapes import capsule, icosphere, joined, moved, rotation, torus, uv_sphere
+from tests.shapes import (
+    capsule,
+    cube,
+    cylinder,
+    grid,
+    icosphere,
+    joined,
+    moebius,
+    moved,
+    rotation,
+    tetrahedron,
+    torus,
+    uv_sphere,
+)
 
 EXPECTED = {
     "exported": {"same_mesh"}, "shuffled": {"same_mesh"}, "moved": {"same_mesh", "moved"},
@@ -86,6 +99,28 @@ def test_poses_and_kin_are_no_duplicates() -> None:
     shapes.append(Shape.of("capsule", capsule(4)))
     shapes.append(Shape.of("longer", capsule(4.6)))
     assert find_duplicates(shapes) == []
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [tetrahedron(), cube(), grid(4, 6), moebius(), cylinder(), icosphere(1),
+     joined(*(moved(cube(), (3 * i, 0, 0)) for i in range(9)))],
+    ids=["tetrahedron", "cube", "plane", "moebius", "tube", "sphere", "cubes"],
+)  # fmt: skip
+def test_coarse_flat_open_and_symmetric_shapes_are_found_too(mesh: Mesh) -> None:
+    other = clean(moved(mesh, (4, 5, 6), scale=10, seed=1))[0]
+    found = [one for one in find_duplicates([Shape.of("a", clean(mesh)[0]), Shape.of("b", other)]) if one.first == "a"]
+    finding = next(one for one in found if one.second == "b")
+    assert finding.classes[0] == "same_mesh"
+    assert finding.scale == pytest.approx(10, rel=1e-6)
+    assert "mirrored" not in finding.classes
+
+
+def test_a_longer_box_is_no_certain_copy() -> None:
+    other = Mesh(cube().vertices * [1.0, 1.0, 1.05], cube().faces)
+    assert all(one.confidence == "fair" for one in find_duplicates([Shape.of("a", cube()), Shape.of("b", other)]))
+    other = Mesh(cube().vertices * [1.0, 1.0, 1.3], cube().faces)
+    assert find_duplicates([Shape.of("a", cube()), Shape.of("b", other)]) == []
 
 
 def test_another_tessellation_of_a_sphere_is_the_sphere() -> None:
