@@ -30,6 +30,9 @@ RATE = 4.0
 EVERY = 6
 """Blocks between a block made wider and the next look."""
 
+STEEP = 1e-5
+"""Share of its length that a row of a block must add to those before for the fast way to be accurate enough."""
+
 DRIFT = 1e-10
 """Foreseen loss of orthogonality at which two blocks are orthogonalised twice. What a block keeps of an earlier loss
 grows by as much as it is longer than what of it is new."""
@@ -75,7 +78,7 @@ def block_lanczos(
         image -= column.T @ V
         if twice:
             image -= (V @ image.T).T @ V
-        block, R = _orthonormal(image, V)
+        block, R = _orthonormal(image, V, STEEP * length)
         drift *= length / max(abs(np.diagonal(R)).min(), EPSILON * length)
         if twice:
             drift, twice = EPSILON, twice - 1
@@ -106,15 +109,20 @@ def _started(random: np.random.Generator, V: Array) -> Array:
     return _projected(random.standard_normal((WIDTH, V.shape[1])), V)[0]
 
 
-def _orthonormal(image: Array, V: Array) -> tuple[Array, Array]:
-    """Q and R with R^T Q = image, rows of Q orthonormal and orthogonal to those of V, as image is but for rounding."""
+def _orthonormal(image: Array, V: Array, least: float) -> tuple[Array, Array]:
+    """Q and R with R^T Q = image, rows of Q orthonormal and orthogonal to those of V, as image is but for rounding.
+
+    Where a row of image adds less than ``least`` to those before, rounding is too much of it.
+    """
     try:
         once = np.linalg.cholesky(image @ image.T)
-        Q = np.linalg.inv(once) @ image
-        again = np.linalg.cholesky(Q @ Q.T)
-        return np.linalg.inv(again) @ Q, (once @ again).T
+        if once.diagonal().min() > least:
+            Q = np.linalg.inv(once) @ image
+            again = np.linalg.cholesky(Q @ Q.T)
+            return np.linalg.inv(again) @ Q, (once @ again).T
     except np.linalg.LinAlgError:
-        return _projected(image, V)
+        pass
+    return _projected(image, V)
 
 
 def _projected(image: Array, V: Array) -> tuple[Array, Array]:

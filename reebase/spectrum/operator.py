@@ -34,6 +34,10 @@ FLAT = 1e-12
 """Heights below this share of the longest edge are rounding noise; they count as this share, so that
 weights stay finite."""
 
+CROWD = 2000
+"""Most faces at an edge for which "auto" takes the tufted cover, whose time grows with their square: with 2,000 a tenth
+of a second, with 50,000 most of a minute. The cotangent weights are right there too."""
+
 
 @dataclass(frozen=True, eq=False)
 class Operator:
@@ -64,20 +68,21 @@ def operator(mesh: Mesh, kind: str = "auto") -> Operator:
     """Stiffness and mass of a mesh.
 
     kind: "cotangent" (4.12); "tufted", robust on any triangle soup; or "auto", which is cotangent unless an
-    edge has more than two faces or a triangle is badly shaped (height below ``THIN`` of its longest edge).
+    edge has more than two faces or a triangle is badly shaped (height below ``THIN`` of its longest edge), and again
+    where an edge has more than ``CROWD`` faces.
     Raises UnknownName, NoFaces, DegenerateMesh (no area at all), MissingPackage when the tufted cover is
     needed and robust-laplacian is not installed, ComputationError when it fails.
     """
     if kind not in KINDS:
         raise unknown_name("operator", kind, KINDS)
-    C, mass, doubtful = _assembled(mesh)
+    C, mass, bad, crowd = _assembled(mesh)
     area = float(mass.sum())
     if not 0.0 < area < np.inf:
         raise DegenerateMesh(
             f"The area of the mesh comes to {area}, so it has no Laplace-Beltrami operator.", area=str(area)
         )
     if kind == "auto":
-        kind = "tufted" if doubtful else "cotangent"
+        kind = "tufted" if (bad or crowd > 2) and crowd <= CROWD else "cotangent"
     return Operator(C if kind == "cotangent" else _tufted_stiffness(mesh), mass, kind, mesh)
 
 
@@ -103,8 +108,8 @@ def mixed_voronoi(mesh: Mesh) -> npt.NDArray[np.float64]:
     return _assembled(mesh)[1]
 
 
-def _assembled(mesh: Mesh) -> tuple[csr_matrix, npt.NDArray[np.float64], bool]:
-    """C, R, and whether the mesh has badly shaped triangles or edges with more than two faces."""
+def _assembled(mesh: Mesh) -> tuple[csr_matrix, npt.NDArray[np.float64], int, int]:
+    """C, R, how many triangles are badly shaped, and the most faces at an edge."""
     if not len(mesh.faces):
         raise NoFaces("The mesh has no faces, so it has no surface to build an operator on.")
     from scipy.sparse import csr_matrix
@@ -112,10 +117,10 @@ def _assembled(mesh: Mesh) -> tuple[csr_matrix, npt.NDArray[np.float64], bool]:
     from reebase.spectrum.operator_kernels import assemble
 
     m = len(mesh.vertices)
-    pointers, indices, values, mass, bad, crowded = assemble(mesh.vertices, mesh.faces, FLAT, THIN)
+    pointers, indices, values, mass, bad, crowd = assemble(mesh.vertices, mesh.faces, FLAT, THIN)
     C = csr_matrix((values, indices, pointers), shape=(m, m))
     C.has_sorted_indices = C.has_canonical_format = True
-    return C, mass, bool(bad or crowded)
+    return C, mass, bad, crowd
 
 
 def _tufted_stiffness(mesh: Mesh) -> csr_matrix:

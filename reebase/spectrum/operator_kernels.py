@@ -66,8 +66,7 @@ def _side_starts(m: int, faces: Int32) -> Int32:
 def assemble(
     vertices: Float, faces: Int32, flat: float, thin: float
 ) -> tuple[Int32, Int32, Float, Float, int, int]:
-    """C in CSR (pointers, indices, values), R (m,), the number of badly shaped triangles, and of edges with more
-    than two faces.
+    """C in CSR (pointers, indices, values), R (m,), how many triangles are badly shaped, and the most faces at an edge.
 
     Heights below ``flat`` of the longest edge count as that in C; a triangle is badly shaped when its height is
     below ``thin`` of its longest edge.
@@ -103,16 +102,16 @@ def assemble(
             mass[i] += sj + sk
             mass[j] += sk + si
             mass[k] += si + sj
-    pointers, crowded = _merge(starts, cursor, other, weight)
+    pointers, crowd = _merge(starts, cursor, other, weight)
     indices, values = _fill(pointers, starts, cursor, other, weight)
-    return pointers, indices, values, mass, bad, crowded
+    return pointers, indices, values, mass, bad, crowd
 
 
 @njit(cache=True, nogil=True)
 def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[Int32, int]:
     """Make the sides at each vertex its edges to later ones, sorted, at the front of their stretch up to ``cursor``.
 
-    Returns the pointers of C (m + 1,) and the number of edges that have more than two sides.
+    Returns the pointers of C (m + 1,) and the most sides of an edge.
     """
     m = len(cursor)
     pointers = np.zeros(m + 1, np.int32)
@@ -120,7 +119,7 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
     for v in range(m):
         most = max(most, starts[v + 1] - starts[v])
     sides = np.empty(most, np.int32)  # of each edge at v
-    crowded = 0
+    crowd = 1
     for v in range(m):
         begin = end = starts[v]
         for at in range(begin, starts[v + 1]):
@@ -133,7 +132,7 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
             if place > begin and other[place - 1] == w:
                 weight[place - 1] += value
                 sides[place - 1 - begin] += 1
-                crowded += sides[place - 1 - begin] == 3
+                crowd = max(crowd, sides[place - 1 - begin])
                 continue
             for later in range(end, place, -1):
                 other[later], weight[later] = other[later - 1], weight[later - 1]
@@ -145,7 +144,7 @@ def _merge(starts: Int32, cursor: Int32, other: Int32, weight: Float) -> tuple[I
         pointers[v + 1] += end - begin + 1
     for v in range(m):
         pointers[v + 1] += pointers[v]
-    return pointers, crowded
+    return pointers, crowd
 
 
 @njit(cache=True, nogil=True)

@@ -9,7 +9,8 @@ import pytest
 
 from reebase.errors import DegenerateMesh, MissingPackage, NoFaces, UnknownName
 from reebase.mesh.mesh import Mesh
-from reebase.spectrum import mixed_voronoi, operator, stiffness
+from reebase.spectrum import eigenpairs, mixed_voronoi, operator, stiffness
+from reebase.spectrum.operator import CROWD
 from tests.oracles import spectrum as oracle
 from tests.shapes import cube, flipped, grid, icosphere, moebius, moved, permuted, tetrahedron, torus, uv_sphere
 
@@ -145,3 +146,21 @@ def test_names_the_package_that_is_missing(monkeypatch):
     with pytest.raises(MissingPackage, match=r"reebase\[robust\]"):
         operator(three_pages())
     assert operator(cube()).kind == "cotangent"
+
+
+def book(pages):
+    """So many triangles on one edge."""
+    turn = 2 * np.pi * np.arange(pages) / pages
+    tips = np.stack([np.cos(turn), np.sin(turn), np.full(pages, 0.5)], axis=1)
+    page = np.stack([np.zeros(pages), np.ones(pages), 2 + np.arange(pages)], axis=1)
+    return Mesh(np.vstack([[0, 0, 0], [0, 0, 1], tips]), page.astype(int))
+
+
+def test_an_edge_with_very_many_faces_does_not_take_the_tufted_cover():
+    assert operator(book(CROWD)).kind == "tufted"
+    many = operator(book(CROWD + 1))
+    assert many.kind == "cotangent"
+    assert many.area == pytest.approx((CROWD + 1) / 2)
+    # Each tip hangs on the edge alone: equal eigenvalues, one fewer than pages, of vectors that vanish on the edge.
+    tip = many.C[2, 2] / (many.mass[2] / many.area)
+    np.testing.assert_allclose(eigenpairs(many, 9).eigenvalues[1:], tip, rtol=1e-8)
