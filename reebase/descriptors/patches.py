@@ -65,7 +65,7 @@ def describe(surface: Surface) -> Array:
     from reebase.descriptors.patches_kernels import gather
 
     mesh, size = _at_unit_area(surface.body)
-    spread, free = _spread(mesh, 1.5 * RADII[-1])
+    spread, free = _spread(mesh, 1.25 * RADII[-1])
     areas, normals, middles = face_areas(mesh), face_normals(mesh), mesh.vertices[mesh.faces].mean(axis=1)
     outward = vertex_normals(mesh, "area")
     found = np.empty((len(spread.vertices), len(RADII), 3))

@@ -47,19 +47,22 @@ def _shifted(
     whole: npt.NDArray[np.float64], shift: float, widths: int, out: npt.NDArray[np.float64], low: npt.NDArray[np.int64],
     high: npt.NDArray[np.int64],
 ) -> None:  # fmt: skip
-    """Bin k of ``out`` is bin k + shift of the patches, between two of them linear; known from low to before high."""
+    """Bin k of ``out`` is bin k + shift of the patches, between two of them linear; known from low to before high.
+
+    Where one of the two is not known the other stands for both, else a shift by a hair would cost a disc.
+    """
     step = int(np.floor(shift))
     part = shift - step
     for j in range(len(whole)):
         first, last = int(whole[j, 0]), int(whole[j, 1])
-        low[j] = max(first - step, 0)
-        high[j] = min(last - step - (1 if part > 0.0 else 0), widths)
+        low[j] = min(max(first - step - (1 if part > 0.0 else 0), 0), widths)
+        high[j] = max(min(last - step, widths), low[j]) if last > first else low[j]
         for k in range(low[j], high[j]):
+            below = max(k + step, first)
+            above = min(k + step + 1, last - 1)
             for column in range(3):
-                at = 2 + 3 * (k + step) + column
-                out[j, 3 * k + column] = whole[j, at]
-                if part > 0.0:
-                    out[j, 3 * k + column] += part * (whole[j, at + 3] - whole[j, at])
+                one, other = whole[j, 2 + 3 * below + column], whole[j, 2 + 3 * above + column]
+                out[j, 3 * k + column] = one + part * (other - one)
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "nsz"})

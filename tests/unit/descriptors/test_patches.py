@@ -79,9 +79,12 @@ def slowly(part: np.ndarray, whole: np.ndarray, shifts: np.ndarray) -> float:
                 for disc in discs:
                     low, share = int(np.floor(disc + shift)), (disc + shift) % 1
                     needed = [low] if share == 0 else [low, low + 1]
-                    if all(other[0] <= one_disc < other[1] for one_disc in needed):
-                        value = sum(w * other[2 + 3 * d : 5 + 3 * d]
-                                    for d, w in zip(needed, (1 - share, share), strict=False))  # fmt: skip
+                    if found := [one_disc for one_disc in needed if other[0] <= one_disc < other[1]]:
+                        # Of two discs the one that is known stands for both.
+                        ends = [found[0], found[-1]]
+                        value = sum(
+                            w * other[2 + 3 * d : 5 + 3 * d] for d, w in zip(ends, (1 - share, share), strict=True)
+                        )
                         differences.append(np.abs(one[2 + 3 * disc : 5 + 3 * disc] - value).sum())
                 if len(differences) >= max(min(3, len(discs)), 1):
                     least = min(least, float(np.mean(differences)))
