@@ -64,19 +64,20 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
     """
     scale = second.size / (first.size or 1.0)
     plain = [Similarity(1.0, np.eye(3), np.zeros(3)), Similarity(scale, np.eye(3), np.zeros(3))]
-    exact = list(plain)
+    by_order: list[Similarity] = []
     if np.array_equal(np.sort(first.mesh.faces, axis=1), np.sort(second.mesh.faces, axis=1)):
-        # Most copies keep the order of their vertices, and then there is nothing to search for.
-        exact += fitted(first.mesh.vertices, second.mesh.vertices)
-    for one in exact:
+        # Most copies keep the order of their vertices, and then there is nothing to search for. But a mirror image may
+        # be the shape itself, turned.
+        by_order = fitted(first.mesh.vertices, second.mesh.vertices)
+    for one in (*plain, *by_order[:1]):
         found = _residuals(one, first, second)
         if _is_near(found, one, first, second) and found[0] <= FLAT:
-            return _evidence(one, found, first, second, one.mirrors)
+            return _evidence(one, found, first, second, False)
     fits = best_similarities(first, second)
     if not fits:
         return None
-    refined = [_by_vertices(one, first, second) for one in fits]
-    ways = [*plain, *refined]
+    turned = [*(_by_vertices(one, first, second) for one in fits), *by_order[1:]]
+    ways = [*plain, *turned]
     residuals = [_residuals(one, first, second) for one in ways]
     best = min(range(len(ways)), key=lambda way: residuals[way][0])
     if not _is_near(residuals[best], ways[best], first, second):
@@ -86,8 +87,8 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
         way for way in range(len(ways))
         if residuals[way][0] <= enough and _is_near(residuals[way], ways[way], first, second)
     )  # fmt: skip
-    both = residuals[2][0] <= enough and residuals[3][0] <= enough
-    mirrored = None if both and chosen >= len(plain) else ways[chosen].mirrors
+    fit = {one.mirrors for one, found in zip(turned, residuals[len(plain) :], strict=True) if found[0] <= enough}
+    mirrored = None if len(fit) == 2 and chosen >= len(plain) else ways[chosen].mirrors
     return _evidence(ways[chosen], residuals[chosen], first, second, mirrored)
 
 
