@@ -112,14 +112,15 @@ _REFERENCE = """<!doctype html>
   <link rel="icon" href="/page/icon.svg" type="image/svg+xml">
   <link rel="stylesheet" href="/page/style/page.css">
 </head>
-<body>
-  <header>
-    <h1>Reebase: API reference</h1>
+<body class="reference">
+  <header class="top">
+    <a class="brand" href="/"><img src="/page/icon.svg" alt="" width="26" height="26">Reebase</a>
     <nav aria-label="Service">
       <a href="/">The page</a> <a href="/openapi.json">OpenAPI</a> <a href="#problems">Problems</a>
     </nav>
   </header>
   <main>
+    <h1>API reference</h1>
     <p>{description}</p>
     {operations}
     <section>

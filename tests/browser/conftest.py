@@ -17,7 +17,7 @@ from tests.http.serving import Served, whole_service
 
 CLASSES = ("hands", "humans", "spiders")
 PER_CLASS = 4
-WAIT = 15_000
+WAIT = 30_000
 """Milliseconds that a page may take for what a person would wait for."""
 
 # Software WebGL: the machines of a gate have no graphics card.

@@ -37,7 +37,11 @@ export async function follow(id, tell, signal) {
 
 async function* states(id, signal) {
   for await (const [name, data] of events(`/v1/events?task=${encodeURIComponent(id)}`, signal)) {
-    if (name === "snapshot") yield* data.tasks.filter((task) => task.id === id);
+    if (name === "snapshot") {
+      const known = data.tasks.filter((task) => task.id === id);
+      if (known.length === 0) return; // it waits behind many others, or has ended: ask
+      yield* known;
+    }
     if (name === "task" && data.id === id) yield data;
     if (name === "bye" || name === "reset") return;
   }

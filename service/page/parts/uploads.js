@@ -99,6 +99,7 @@ function opened() {
       h("ul", {}));
   }
   panel.hidden = false;
+  panel.onclick = (event) => { if (event.target.closest("a") && running === 0) close(); };
   return panel.querySelector("ul");
 }
 

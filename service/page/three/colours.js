@@ -15,8 +15,13 @@ export const SCALES = {
 
 export const SKIN = "#b3c2d6";
 
+const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
+
 /** Of a skeleton's lines, to be seen on the page's ground. */
-export const ink = () => (matchMedia("(prefers-color-scheme: dark)").matches ? "#e4ebf1" : "#26323d");
+export const ink = () => (dark() ? "#e4ebf1" : "#26323d");
+
+/** Of a glass surface where it turns away. */
+export const glassEdge = () => (dark() ? "#b9cbe0" : "#64748a");
 
 /** "#rrggbb" as three numbers in [0, 1], as the screen has them. */
 export const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);

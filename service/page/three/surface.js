@@ -4,7 +4,7 @@ import {
   Box3, BufferAttribute, BufferGeometry, CylinderGeometry, DoubleSide, Group, InstancedMesh, Matrix4, Mesh,
   MeshBasicMaterial, Quaternion, ShaderMaterial, SphereGeometry, Vector3,
 } from "../vendor/three.module.min.js";
-import { rgb, SCALES, SKIN } from "./colours.js";
+import { glassEdge, rgb, SCALES, SKIN } from "./colours.js";
 import { principalFrame } from "./frame.js";
 
 const NOTHING = -1e30;
@@ -27,6 +27,7 @@ uniform vec2 range;
 uniform float coloured;
 uniform float levels;
 uniform float glass;
+uniform vec3 edge;
 varying vec3 seen;
 varying float scalar;
 vec3 ramp(float t) {
@@ -50,7 +51,8 @@ void main() {
   float light = 0.42 * max(n.z, 0.0) + 0.38 * max(dot(n, vec3(-0.45, 0.65, 0.61)), 0.0) + 0.1 * (1.0 + n.y);
   c *= 0.38 + 0.72 * light;
   float rim = 1.0 - abs(n.z);
-  gl_FragColor = vec4(c, mix(1.0, 0.13 + 0.55 * rim * rim, glass));
+  c = mix(c, edge, glass * rim);
+  gl_FragColor = vec4(c, mix(1.0, 0.16 + 0.5 * rim * rim, glass));
 }`;
 
 function material() {
@@ -59,7 +61,7 @@ function material() {
     polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     uniforms: {
       skin: { value: rgb(SKIN) }, stops: { value: SCALES.signed.flatMap(rgb) }, range: { value: [0, 1] },
-      coloured: { value: 0 }, levels: { value: 0 }, glass: { value: 0 },
+      coloured: { value: 0 }, levels: { value: 0 }, glass: { value: 0 }, edge: { value: rgb(glassEdge()) },
     },
   });
 }

@@ -182,8 +182,8 @@ class Browser {
   }
 
   async label(ids, label) {
-    const { changed } = await post(`${this.address}/bulk/label`, { shapes: ids, label });
-    notify(`${count(changed, "shape")} ${label === null ? "without label now" : `labelled ${label}`}.`);
+    const { labelled } = await post(`${this.address}/bulk/label`, { shapes: ids, label });
+    notify(`${count(labelled, "shape")} ${label === null ? "without label now" : `labelled ${label}`}.`);
   }
 
   async remove(ids) {

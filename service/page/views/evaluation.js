@@ -1,6 +1,6 @@
 // One evaluation: watched while it runs; then its scores, plots, classes, and the queries that went worst.
 
-import { download, get, getIfThere, post, send } from "../parts/api.js";
+import { download, get, post, send } from "../parts/api.js";
 import { empty, h, notify, table } from "../parts/dom.js";
 import { follow, ended } from "../parts/follow.js";
 import { plot, thumbnail } from "../parts/pictures.js";
@@ -17,8 +17,8 @@ export async function show(view) {
     h("div", { class: "spread" }, h("h1", {}, name), h("div", { class: "bar" }, actions(found, address))), h("p", { class: "quiet" }, moment(found.created_at))));
   if (!found.report) return view.root.append(ended(found.task) ? stopped(found) : running(view, found));
   view.root.append(overall(found.report), await plots(address), classes(found.report));
-  const worst = await getIfThere(`${address}/worst?limit=10&top=10`, view.signal);
-  if (worst?.items.length > 0) view.root.append(queries(found, worst.items));
+  const worst = (await get(`${address}/worst?limit=10&top=10`, view.signal)).items.filter((item) => item.average_precision < 1);
+  view.root.append(worst.length > 0 ? queries(found, worst) : h("p", { class: "good" }, "Every query found its whole class before anything else."));
 }
 
 function actions(found, address) {

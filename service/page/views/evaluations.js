@@ -24,19 +24,20 @@ function form(view, collections, offered) {
   const perClass = h("input", { type: "number", min: 2, max: 200, value: 10 });
   const noise = h("input", { type: "number", min: 0, max: 5, step: 0.05, value: 0 });
   const synthetic = h("div", { class: "bar end" }, field("Shapes of each class", perClass), field("Noise, in edge lengths", noise));
-  const descriptor = select(offered.descriptors.map((one) => [one.name, one.title ?? one.name]), offered.descriptor);
+  const descriptor = select(offered.descriptors.map((one) => [one.name, one.name.replaceAll("_", " ")]), offered.descriptor);
   const measureAt = h("span", {});
   const about = h("p", { class: "quiet small" });
   let measure = null;
+  let again = null;
   const shown = () => {
     synthetic.hidden = of.value !== SYNTHETIC;
-    const measures = offered.measuresOf(descriptor.value);
-    measure = measures.length > 0 ? select(measures.map((one) => [one.name, one.name.replaceAll("_", " ")]), "matching", { onchange: tell }) : null;
-    measureAt.replaceChildren(...(measure ? [field("Measure", measure)] : []));
+    const { measures, rerank } = offered.of(descriptor.value);
+    measure = measures.length > 1 ? select(measures.map((name) => [name, name.replaceAll("_", " ")]), measures[0], { onchange: tell }) : null;
+    again = rerank ? h("input", { type: "checkbox", checked: true }) : null;
+    measureAt.replaceChildren(...(measure ? [field("Measure", measure)] : []), ...(again ? [h("label", { class: "check" }, again, "re-rank by neighbours")] : []));
     tell();
   };
-  const tell = () => { about.textContent = [offered.descriptors.find((one) => one.name === descriptor.value)?.description,
-    measure && offered.measures.find((one) => one.name === measure.value)?.description].filter(Boolean).join(" · "); };
+  const tell = () => { about.textContent = [offered.of(descriptor.value).description, measure && offered.measureWords(measure.value)].filter(Boolean).join(" · "); };
   of.addEventListener("change", shown);
   descriptor.addEventListener("change", shown);
   shown();
@@ -44,12 +45,12 @@ function form(view, collections, offered) {
     event.preventDefault();
     const asked = of.value === SYNTHETIC ? { synthetic: { per_class: Number(perClass.value), noise: Number(noise.value) } } : { collection: of.value };
     try {
-      const made = await post("/v1/evaluations", { ...asked, descriptor: descriptor.value, ...(measure && { measure: measure.value }) });
+      const made = await post("/v1/evaluations", { ...asked, descriptor: descriptor.value, ...(measure && { measure: measure.value }), ...(again && { rerank: again.checked }) });
       go(path`/evaluations/${made.id}`);
     } catch (error) {
       notify(explained(error), { bad: true });
     }
-  } }, h("h2", {}, "New evaluation"), h("div", { class: "bar end" }, field("Of", of), offered.descriptors.length > 1 && field("Compare by", descriptor), measureAt, synthetic,
+  } }, h("h2", {}, "New evaluation"), h("div", { class: "bar end" }, field("Of", of), field("Compare by", descriptor), measureAt, synthetic,
     h("button", {}, "Evaluate")), about);
 }
 

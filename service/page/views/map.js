@@ -1,70 +1,79 @@
 // A picture of the collection's neighbourhoods: shapes that are alike lie near each other.
 
 import { get, post } from "../parts/api.js";
-import { empty, h, notify, svg, table } from "../parts/dom.js";
+import { choices } from "../parts/choices.js";
+import { empty, field, h, notify, select, svg, table } from "../parts/dom.js";
 import { follow } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
-import { go, path, reload } from "../parts/router.js";
-import { count, digits, explained, moment, taskWords } from "../parts/words.js";
+import { go, path, reload, withQuery } from "../parts/router.js";
+import { count, digits, explained, moment, percent, taskWords } from "../parts/words.js";
 import { PALETTE } from "../three/colours.js";
 
-const SIDE = 1000;
+const [SIDE, EDGE, LEAST, FLATTEST] = [1000, 40, 300, 0.8];
 
 export async function show(view) {
   const { collection } = view.params;
   const address = path`/v1/collections/${collection}`;
-  const map = await get(`${address}/map`, view.signal);
+  const [map, offered] = await Promise.all([
+    get(withQuery(`${address}/map`, { descriptor: view.query.descriptor }), view.signal), choices(view.signal)]);
   view.title(`Map of ${collection}`);
   const status = h("p", { class: "quiet", role: "status" });
+  const by = select(offered.descriptors.filter((one) => one.kept).map((one) => [one.name, one.name.replaceAll("_", " ")]), map.descriptor,
+    { onchange: () => go(withQuery(location.pathname, { descriptor: by.value }), { replace: true }) });
   view.root.append(h("header", { class: "heading" },
-    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /"), h("h1", {}, "Map"),
+    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /"),
+    h("div", { class: "spread" }, h("h1", {}, "Map"), field("Alike by", by)),
     h("p", { class: "quiet" }, "Shapes that are alike lie near each other. Distances between far groups mean little.")), status);
-  if (map.task) watch(view, map.task, status);
-  else if (map.state !== "current") make(view, address, status);
-  if (map.points.length === 0) {
-    if (map.state === "current") view.root.append(empty("Nothing to draw yet", "A map needs at least three shapes that are ready.",
-      h("a", { class: "button", href: path`/collections/${collection}` }, "To the shapes")));
-    return;
-  }
-  view.root.append(...drawn(view, map, address));
+  if (map.state !== "current") make(view, address, map, status);
+  if (map.points.length > 0) view.root.append(...drawn(view, map, address));
+  else if (map.state === "current")
+    view.root.append(empty("Nothing to draw yet", "A map shows the shapes that are ready; there is none.", h("a", { class: "button", href: path`/collections/${collection}` }, "To the shapes")));
 }
 
-async function make(view, address, status) {
+/** Have it drawn, or drawn anew, and show it once it is. */
+async function make(view, address, map, status) {
+  const tell = (now) => { status.textContent = `A new map is being drawn: ${taskWords(now)}`; };
   try {
-    const { task } = await post(`${address}/map`, undefined, view.signal);
-    if (task) watch(view, task, status);
+    const task = await post(`${address}/map`, { descriptor: map.descriptor }, view.signal);
+    const end = await follow(task.id, tell, view.signal);
+    if (end.state === "succeeded") reload();
+    else status.textContent = end.error ? explained(end.error) : "Drawing the map was cancelled.";
   } catch (error) {
     if (!view.signal.aborted) notify(explained(error), { bad: true });
   }
 }
 
-function watch(view, task, status) {
-  const tell = (now) => { status.textContent = `A new map is being drawn: ${taskWords(now)}`; };
-  tell(task);
-  follow(task.id, tell, view.signal).then((end) => {
-    if (end.state === "succeeded") reload();
-    else status.textContent = end.error ? explained(end.error) : "Drawing the map was cancelled.";
-  }, () => {});
+/** Where values begin, and how far they reach. */
+function range(values) {
+  const least = Math.min(...values);
+  return [least, Math.max(...values) - least || 1];
 }
 
 function drawn(view, map, address) {
   const labels = [...new Set(map.points.map((point) => point.label))].filter((label) => label !== null).sort();
   const colour = (label) => (label === null ? "#8a929b" : PALETTE[labels.indexOf(label) % PALETTE.length]);
   const card = h("div", { class: "map-card", hidden: true });
-  const at = (value, up) => SIDE / 2 + (up ? -value : value) * SIDE * 0.46;
+  const [left, wide] = range(map.points.map((point) => point.x));
+  const [low, high] = range(map.points.map((point) => point.y));
+  const scale = (SIDE - 2 * EDGE) / Math.max(wide, high / FLATTEST);
+  const height = Math.max(LEAST, high * scale + 2 * EDGE);
+  const across = (x) => SIDE / 2 + (x - left - wide / 2) * scale;
+  const down = (y) => height / 2 - (y - low - high / 2) * scale;
   const look = (point) => {
     card.hidden = false;
     card.replaceChildren(thumbnail(`${address}/shapes/${point.shape}/thumbnail`), h("strong", {}, point.name), h("span", { class: "quiet small" }, point.label ?? "no label"));
   };
   const dots = map.points.map((point) => svg("a", { href: path`/collections/${view.params.collection}/shapes/${point.shape}`, "aria-label": `${point.name}${point.label ? `, ${point.label}` : ""}`,
     onpointerenter: () => look(point), onfocus: () => look(point), onclick: (event) => { event.preventDefault(); go(event.currentTarget.getAttribute("href")); } },
-  svg("circle", { cx: at(point.x).toFixed(1), cy: at(point.y, true).toFixed(1), r: 11, fill: colour(point.label) })));
-  const chart = svg("svg", { class: "map", viewBox: `0 0 ${SIDE} ${SIDE}`, role: "group", "aria-label": `${count(map.points.length, "shape")} by how alike they are` }, dots);
+  svg("circle", { cx: across(point.x).toFixed(1), cy: down(point.y).toFixed(1), r: 9, fill: colour(point.label) })));
+  const chart = svg("svg", { class: "map", viewBox: `0 0 ${SIDE} ${height.toFixed(0)}`, role: "group", "aria-label": `${count(map.points.length, "shape")} by how alike they are` }, dots);
   const only = (label) => () => map.points.forEach((point, i) => dots[i].classList.toggle("dim", label !== undefined && point.label !== label));
   const key = h("ul", { class: "legend-list" }, labels.map((label, i) => h("li", { onpointerenter: only(label), onpointerleave: only() },
     h("span", { class: `dot small c${i % PALETTE.length}` }), label)));
   return [h("div", { class: "map-place" }, chart, card), key,
-    h("p", { class: "quiet small" }, `${count(map.points.length, "shape")}, drawn ${moment(map.made_at)}. Stress ${digits(map.stress, 2)}: how far the picture bends the distances, 0 would be exact.`),
+    h("p", { class: "quiet small" }, `${count(map.points.length, "shape")}, drawn ${moment(map.made_at)}. `
+      + (map.neighbours_kept === null ? "" : `Of the ten shapes most like each, ${percent(map.neighbours_kept)} are among the ten nearest here. `)
+      + (map.left_out > 0 ? `${count(map.left_out, "shape")} left out.` : "")),
     h("details", {}, h("summary", {}, "As a table"), table("Where each shape lies", [
       { title: "Shape", cell: (point) => h("a", { href: path`/collections/${view.params.collection}/shapes/${point.shape}` }, point.name) },
       { title: "Label", cell: (point) => point.label ?? "" },

@@ -4,6 +4,7 @@ import { h, table } from "../parts/dom.js";
 import { get, getIfThere } from "../parts/api.js";
 import { path, withQuery } from "../parts/router.js";
 import { count, digits, percent } from "../parts/words.js";
+import { matchings } from "../parts/matchings.js";
 import { endpointColour, ink } from "../three/colours.js";
 import { after, rotationOnto } from "../three/frame.js";
 import { loadDisplay } from "../three/load.js";
@@ -13,31 +14,46 @@ import { Surface } from "../three/surface.js";
 
 const ALONE = "#8a929b";
 
-/** What D is made of: matched pairs and endpoints that stay alone, the largest first. */
-function shares(hit) {
+/** What a dissimilarity is made of: matched pairs and endpoints that stay alone, the largest first. */
+function shares(match) {
   const rows = [
-    ...hit.pairs.map((pair) => ({ query: pair.query, hit: pair.hit, amount: pair.distance })),
-    ...hit.unmatched_query.map((one) => ({ query: one.endpoint, hit: null, amount: one.charge })),
-    ...hit.unmatched_hit.map((one) => ({ query: null, hit: one.endpoint, amount: one.charge })),
+    ...match.pairs.map((pair) => ({ query: pair.query, hit: pair.hit, amount: pair.distance })),
+    ...match.unmatched_query.map((one) => ({ query: one.endpoint, hit: null, amount: one.charge })),
+    ...match.unmatched_hit.map((one) => ({ query: null, hit: one.endpoint, amount: one.charge })),
   ];
-  const total = rows.reduce((sum, row) => sum + row.amount, 0) || 1;
-  return rows.map((row) => ({ ...row, share: row.amount / total })).sort((a, b) => b.amount - a.amount);
+  const power = squared(rows, match.dissimilarity) ? 2 : 1;
+  const total = rows.reduce((sum, row) => sum + row.amount ** power, 0) || 1;
+  return rows.map((row) => ({ ...row, share: row.amount ** power / total })).sort((a, b) => b.amount - a.amount);
+}
+
+/** Whether the squares of the amounts add up to the dissimilarity's, as the notes of some descriptors say. */
+function squared(rows, dissimilarity) {
+  const sum = (power) => rows.reduce((total, row) => total + row.amount ** power, 0);
+  return Math.abs(Math.sqrt(sum(2)) - dissimilarity) < 1e-6 * dissimilarity && Math.abs(sum(1) - dissimilarity) > 1e-6 * dissimilarity;
 }
 
 export async function showPair({ place, answer, hit, source, collection, signal, close, steps }) {
   const found = path`/v1/collections/${collection}/shapes/${hit.shape.id}`;
   const name = source.shape?.name ?? "your mesh";
-  const rows = shares(hit);
+  const ways = matchings(answer.query, hit);
   const stageAt = h("div", { class: "look" }, h("div", { class: "stage waiting" }));
+  const told = h("p", { id: "pair-summary" });
+  const rowsAt = h("div", { class: "facts" });
+  let scene = null;
+  const show = (way) => {
+    const rows = shares(way);
+    told.textContent = summary(name, way, rows);
+    rowsAt.replaceChildren(pairs(rows), way.note ? h("p", { class: "quiet small" }, way.note) : "");
+    scene?.match(way, rows);
+  };
   place.replaceChildren(
     h("header", { class: "spread" }, h("h2", { tabindex: "-1" }, `Why ${hit.shape.name}?`),
       h("div", { class: "bar" }, steps,
         h("a", { class: "button secondary", href: path`/collections/${collection}/shapes/${hit.shape.id}` }, "Open it"),
         h("a", { class: "button secondary", href: withQuery(path`/collections/${collection}/query`, { shape: hit.shape.id }) }, "Find similar to it"),
         h("button", { type: "button", class: "secondary", onclick: close }, "Close"))),
-    h("div", { class: "halves wide" }, stageAt, h("div", { class: "facts" },
-      h("p", { id: "pair-summary" }, summary(name, hit, rows)),
-      pairs(rows), hit.note && h("p", { class: "quiet small" }, hit.note), parts(hit))));
+    h("div", { class: "halves wide" }, stageAt, h("div", { class: "facts" }, ways.length > 1 && chooser(ways, show), told, rowsAt, parts(hit))));
+  show(ways[0]);
   place.querySelector("h2").focus({ preventScroll: true });
   const [query, other] = await Promise.all([drawable(source.address, signal), drawable(found, signal)]);
   if (signal.aborted) return;
@@ -45,7 +61,16 @@ export async function showPair({ place, answer, hit, source, collection, signal,
     stageAt.replaceChildren(h("div", { class: "stage waiting" }, h("p", { class: "quiet" }, "Your mesh was not kept, so it cannot be drawn again. Add it to the collection to see both side by side.")));
     return;
   }
-  stageAt.replaceChildren(...draw(stageAt, query, other, hit, name, rows, signal));
+  scene = new Pair(query, other, [name, hit.shape.name], signal);
+  stageAt.replaceChildren(...scene.elements());
+  const chosen = place.querySelector("[name=way]:checked")?.value ?? ways[0].name;
+  show(ways.find((way) => way.name === chosen));
+}
+
+/** Where several descriptors matched endpoints of their own: which of them are shown. */
+function chooser(ways, show) {
+  return h("fieldset", { class: "segments" }, h("legend", { class: "unseen" }, "Endpoints of"), ways.map((way, i) =>
+    h("label", {}, h("input", { type: "radio", name: "way", value: way.name, checked: i === 0, onchange: () => show(way) }), h("span", {}, way.title))));
 }
 
 async function drawable(address, signal) {
@@ -54,10 +79,11 @@ async function drawable(address, signal) {
   return { skeleton, mesh: await loadDisplay(address, signal) };
 }
 
-function summary(name, hit, rows) {
+function summary(name, way, rows) {
   const alone = rows.filter((row) => row.query === null || row.hit === null);
   const most = rows[0];
-  const told = [`D = ${digits(hit.dissimilarity)}.`, `${count(hit.pairs.length, "endpoint")} of ${name} ${hit.pairs.length === 1 ? "has" : "have"} a partner`
+  const told = [`${way.name === "srg" ? "D" : "The distance"} = ${digits(way.dissimilarity)}.`,
+    `${count(way.pairs.length, "endpoint")} of ${name} ${way.pairs.length === 1 ? "has" : "have"} a partner`
     + (alone.length > 0 ? `, ${count(alone.length, "endpoint")} ${alone.length === 1 ? "stays" : "stay"} alone.` : ", and none stays alone.")];
   if (most && most.share > 0)
     told.push(most.query === null || most.hit === null ? `An endpoint without a partner counts most: ${percent(most.share)} of it.`
@@ -68,7 +94,7 @@ function summary(name, hit, rows) {
 function pairs(rows) {
   const dot = (number, colour) => (number === null ? h("span", { class: "quiet" }, "alone") : h("span", { class: `dot ${colour}` }, String(number)));
   const colour = (row) => (row.query === null || row.hit === null ? "alone" : `c${row.query % 10}`);
-  return table("Matched endpoints, what each adds to D", [
+  return table("Matched endpoints, and what each adds to the distance", [
     { title: "Query", cell: (row) => dot(row.query, colour(row)) },
     { title: "Hit", cell: (row) => dot(row.hit, colour(row)) },
     { title: "Φ", number: true, cell: (row) => digits(row.amount, 3) },
@@ -76,52 +102,64 @@ function pairs(rows) {
   ], rows, { id: "pairs" });
 }
 
-/** Where several descriptors made up the ranking: how much of D each has. */
+/** Where several descriptors made up the ranking: how much of the similarity is each one's. */
 function parts(hit) {
-  if (!hit.parts?.length) return null;
-  return table("Descriptors, what each adds", [
-    { title: "Descriptor", cell: (part) => part.name },
-    { title: "D of it", number: true, cell: (part) => digits(part.dissimilarity, 3) },
-    { title: "Share", number: true, cell: (part) => percent(part.share) },
+  if (hit.parts.length < 2) return null;
+  return table("What each descriptor says, and its share in the ranking", [
+    { title: "Descriptor", cell: (part) => part.descriptor.replaceAll("_", " ") },
+    { title: "Distance", number: true, cell: (part) => digits(part.dissimilarity, 3) },
+    { title: "Share", number: true, cell: (part) => h("span", { class: "share" }, h("meter", { min: 0, max: 1, value: part.share, "aria-hidden": "true" }), percent(part.share)) },
   ], hit.parts);
 }
 
-function draw(place, query, other, hit, name, rows, signal) {
-  const stage = new Stage({ label: `${name} and ${hit.shape.name} side by side in 3D`, describedBy: "pair-summary", panes: 2, signal });
-  const [left, right] = [query, other].map(({ mesh }, pane) => stage.add(new Surface(mesh), pane));
-  turnAlike(left, right, query.skeleton, other.skeleton, hit.pairs);
-  for (const [surface, { skeleton }] of [[left, query], [right, other]]) {
-    surface.addSkeleton(skeleton, ink());
-    surface.glass(true);
+/** Both shapes on one stage, with the marks of the matching that is shown. */
+class Pair {
+  constructor(query, other, names, signal) {
+    Object.assign(this, { query, other, names });
+    this.stage = new Stage({ label: `${names[0]} and ${names[1]} side by side in 3D`, describedBy: "pair-summary", panes: 2, signal });
+    [this.left, this.right] = [query, other].map(({ mesh }, pane) => this.stage.add(new Surface(mesh), pane));
+    this.upright = this.right.frame;
+    for (const surface of [this.left, this.right]) surface.glass(true);
   }
-  const at = (surface, skeleton, number) => surface.at(skeleton.nodes[skeleton.endpoints[number].node].position);
-  const marks = [];
-  const links = [];
-  rows.forEach((row) => {
-    const both = row.query !== null && row.hit !== null;
-    const colour = both ? endpointColour(row.query) : ALONE;
-    if (row.query !== null) marks.push({ row, pane: 0, point: at(left, query.skeleton, row.query), text: String(row.query), colour, alone: !both });
-    if (row.hit !== null) marks.push({ row, pane: 1, point: at(right, other.skeleton, row.hit), text: String(both ? row.query : row.hit), colour, alone: !both });
-    if (both) links.push({ from: marks.length - 2, to: marks.length - 1, colour });
-  });
-  stage.overlay.show(marks, links);
-  document.querySelectorAll("#pairs tbody tr").forEach((line, i) => {
-    line.addEventListener("pointerenter", () => stage.overlay.point(marks.findIndex((mark) => mark.row === rows[i])));
-    line.addEventListener("pointerleave", () => stage.overlay.point(null));
-  });
-  stage.host.append(h("p", { class: "pane-name left" }, name), h("p", { class: "pane-name right" }, hit.shape.name));
-  requestAnimationFrame(() => stage.fit());
-  return [stage.host, h("div", { class: "controls" }, h("button", { type: "button", class: "secondary", onclick: () => stage.fit() }, "Fit"),
-    h("span", { class: "quiet small" }, "Matched ends have the number and colour of the query's; hollow ones have no partner.")), helpText()];
-}
 
-/** Turn the hit so that its matched endpoints lie as the query's do: then both are seen from the same side. */
-function turnAlike(left, right, skeleton, other, matched) {
-  if (matched.length < 3) return;
-  const seen = (frame, graph, number) => {
-    const place = graph.nodes[graph.endpoints[number].node].position;
-    return frame.map((row) => row[0] * place[0] + row[1] * place[1] + row[2] * place[2]);
-  };
-  const [from, to] = [matched.map((pair) => seen(right.frame, other, pair.hit)), matched.map((pair) => seen(left.frame, skeleton, pair.query))];
-  right.place(after(rotationOnto(from, to), right.frame));
+  elements() {
+    this.stage.host.append(...["left", "right"].map((side, i) => h("p", { class: `pane-name ${side}` }, this.names[i])));
+    return [this.stage.host, h("div", { class: "controls" }, h("button", { type: "button", class: "secondary", onclick: () => this.stage.fit() }, "Fit"),
+      h("span", { class: "quiet small" }, "Matched ends have the number and colour of the query's; hollow ones have no partner.")), helpText()];
+  }
+
+  /** Mark the endpoints of a matching and join those that went together. */
+  match(way, rows) {
+    const own = ({ skeleton }) => skeleton.endpoints.map((endpoint) => skeleton.nodes[endpoint.node].position);
+    const places = way.positions ?? { query: own(this.query), hit: own(this.other) };
+    this.#turnAlike(places, way.pairs);
+    for (const [surface, { skeleton }] of [[this.left, this.query], [this.right, this.other]]) {
+      surface.addSkeleton(skeleton, ink());
+      surface.bones.visible = way.positions === null;
+    }
+    const marks = [];
+    const links = [];
+    for (const row of rows) {
+      const both = row.query !== null && row.hit !== null;
+      const colour = both ? endpointColour(row.query) : ALONE;
+      if (row.query !== null) marks.push({ row, pane: 0, point: this.left.at(places.query[row.query]), text: String(row.query), colour, alone: !both });
+      if (row.hit !== null) marks.push({ row, pane: 1, point: this.right.at(places.hit[row.hit]), text: String(both ? row.query : row.hit), colour, alone: !both });
+      if (both) links.push({ from: marks.length - 2, to: marks.length - 1, colour });
+    }
+    this.stage.overlay.show(marks, links);
+    document.querySelectorAll("#pairs tbody tr").forEach((line, i) => {
+      line.addEventListener("pointerenter", () => this.stage.overlay.point(marks.findIndex((mark) => mark.row === rows[i])));
+      line.addEventListener("pointerleave", () => this.stage.overlay.point(null));
+    });
+    this.stage.fit();
+  }
+
+  /** Turn the hit so that its matched endpoints lie as the query's do: then both are seen from the same side. */
+  #turnAlike(places, matched) {
+    if (matched.length < 3) return this.right.place(this.upright);
+    const seen = (frame, place) => frame.map((row) => row[0] * place[0] + row[1] * place[1] + row[2] * place[2]);
+    const from = matched.map((pair) => seen(this.upright, places.hit[pair.hit]));
+    const to = matched.map((pair) => seen(this.left.frame, places.query[pair.query]));
+    return this.right.place(after(rotationOnto(from, to), this.upright));
+  }
 }

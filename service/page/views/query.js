@@ -2,14 +2,16 @@
 
 import { get, post } from "../parts/api.js";
 import { askByFile, fileOf } from "../parts/asking.js";
-import { empty, field, h, select } from "../parts/dom.js";
+import { empty, field, h, notify, select } from "../parts/dom.js";
 import { picker } from "../parts/drop.js";
 import { follow } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
 import { failure, go, path, remember, withQuery } from "../parts/router.js";
 import { choices } from "../parts/choices.js";
+import { matchings } from "../parts/matchings.js";
 import { count, digits, explained, flagWords, taskWords } from "../parts/words.js";
 
+const spaced = (name) => name.replaceAll("_", " ");
 const TERMS = ["descriptor", "rerank", "measure", "tolerance", "k", "label"];
 
 export async function show(view) {
@@ -84,19 +86,19 @@ async function terms(view, answer, shape, task) {
   };
   const on = (name) => (event) => ask({ [name]: event.target.value });
   const tolerances = [["0", "the same number"], ["1", "one more or less"], ["2", "two more or less"], ["3", "three more or less"], ["any", "any number"]];
-  const descriptor = query.descriptor ?? offered.descriptor;
-  const measures = offered.measuresOf(descriptor);
+  const chosen = offered.of(query.descriptor);
+  const kept = offered.descriptors.filter((one) => one.kept || one.name === chosen.name);
   return h("fieldset", { class: "terms", disabled: Boolean(task && !file) }, h("legend", { class: "unseen" }, "Terms of the question"),
-    offered.descriptors.length > 1 && field("Compare by", select(offered.descriptors.map((one) => [one.name, one.title ?? one.name]), descriptor,
-      { onchange: (event) => ask({ descriptor: event.target.value, measure: undefined }), title: offered.descriptors.find((one) => one.name === descriptor)?.description })),
-    measures.length > 0 && field("Measure", select(measures.map((one) => [one.name, one.name.replaceAll("_", " ")]), query.measure,
-      { onchange: on("measure"), title: measures.find((one) => one.name === query.measure)?.description })),
+    field("Compare by", select(kept.map((one) => [one.name, spaced(one.name)]), chosen.name,
+      { onchange: (event) => ask({ descriptor: event.target.value, measure: undefined, rerank: undefined }), title: chosen.description })),
+    chosen.measures.length > 1 && field("Measure", select(chosen.measures.map((name) => [name, spaced(name)]), query.measure,
+      { onchange: on("measure"), title: offered.measureWords(query.measure) })),
     field("Endpoints", select(tolerances, query.tolerance === null ? "any" : String(query.tolerance), { onchange: on("tolerance") })),
     field("Hits", select([["6", "6"], ["12", "12"], ["24", "24"], ["48", "48"]].concat(["6", "12", "24", "48"].includes(String(query.k)) ? [] : [[String(query.k), String(query.k)]]), String(query.k), { onchange: on("k") })),
     field("Only the label", h("input", { value: view.query.label ?? "", placeholder: "any", onchange: on("label") })),
-    offered.rerank && h("label", { class: "check" }, h("input", { type: "checkbox", checked: Boolean(query.rerank),
+    chosen.rerank && h("label", { class: "check" }, h("input", { type: "checkbox", checked: Boolean(query.rerank),
       onchange: (event) => ask({ rerank: String(event.target.checked) }) }), "re-rank by neighbours"),
-    task && !file && h("p", { class: "quiet small" }, "The mesh was not kept: drop it again to ask in other terms."));
+    h("p", { class: "quiet small" }, task && !file ? "The mesh was not kept: drop it again to ask in other terms." : chosen.description));
 }
 
 function fill(view, results, answer, source) {
@@ -106,8 +108,9 @@ function fill(view, results, answer, source) {
   const told = `${hits.length === 0 ? "No hit" : count(hits.length, "hit")} among ${count(answer.considered, "shape")} that were compared; this mesh has ${count(query.endpoint_count, "endpoint")}. ${digits(answer.took_ms, 2)} ms.`;
   results.append(h("p", { class: "quiet", role: "status" }, told),
     ...query.flags.map((flag) => h("span", { class: "chip" }, flagWords(flag))),
+    ...answer.left_out.map((left) => leftOut(view, left)),
     hits.length === 0 ? nothing(view, answer)
-      : h("ol", { class: "cards hits" }, hits.map((hit) => card(hit, address, most, source.shape?.label, (event) => {
+      : h("ol", { class: "cards hits" }, hits.map((hit) => card(query, hit, address, most, source.shape?.label, (event) => {
         event.preventDefault();
         history.pushState(null, "", withQuery(location.pathname, { ...view.query, hit: hit.shape.id }));
         explain(view, answer, hit, source);
@@ -117,25 +120,38 @@ function fill(view, results, answer, source) {
 }
 
 function nothing(view, answer) {
-  if (answer.query.tolerance === null || answer.query.tolerance === undefined) return empty("Nothing to compare with", "No other shape of this collection is ready, or none passes the filters.");
+  if (answer.query.tolerance === null) return empty("Nothing to compare with", "No other shape of this collection is ready, or none passes the filters.");
   return empty("No shape is close in its number of endpoints", `This one has ${answer.query.endpoint_count}. Let the number differ by more.`,
     h("button", { type: "button", onclick: () => go(withQuery(location.pathname, { ...view.query, tolerance: "any" }), { replace: true }) }, "Allow any number"));
 }
 
-function card(hit, address, most, label, onclick) {
+/** Shapes that lack what ranks: why, and how they get it. */
+function leftOut(view, left) {
+  return h("p", { class: "flag" }, `${count(left.shapes, "shape")} left out. ${left.detail} `, left.code === "without_descriptor"
+    && h("button", { type: "button", class: "plain", onclick: async () => {
+      try {
+        const { queued } = await post(path`/v1/collections/${view.params.collection}/reindex`);
+        notify(`${count(queued, "shape")} will be described again.`);
+      } catch (error) {
+        notify(explained(error), { bad: true });
+      }
+    } }, "Describe them again"));
+}
+
+function card(query, hit, address, most, label, onclick) {
   const href = withQuery(location.pathname, { ...Object.fromEntries(new URLSearchParams(location.search)), hit: hit.shape.id });
   const same = label && hit.shape.label === label;
   return h("li", { "data-hit": hit.shape.id }, h("a", { class: "card", href, onclick },
     thumbnail(`${address}/${hit.shape.id}/thumbnail`),
     h("strong", { title: hit.shape.name }, `${hit.rank}. ${hit.shape.name}`),
     hit.shape.label && h("span", { class: "quiet small" }, hit.shape.label, same && h("span", { class: "good" }, " ✓ same label")),
-    h("span", { class: "measured small" }, h("span", { class: "number" }, `D = ${digits(hit.dissimilarity, 3)}`),
+    h("span", { class: "measured small" }, h("span", { class: "number" }, `${query.descriptor === "srg" ? "D =" : "distance"} ${digits(hit.dissimilarity, 3)}`),
       h("meter", { min: 0, max: most, value: hit.dissimilarity, "aria-hidden": "true" })),
-    h("span", { class: "quiet small" }, matchedWords(hit))));
+    h("span", { class: "quiet small" }, matchedWords(matchings(query, hit)[0]))));
 }
 
 const matchedWords = ({ pairs, unmatched_query: query, unmatched_hit: found }) => (query.length + found.length === 0
-  ? `all ${pairs.length} ends matched` : `${pairs.length} ends matched, ${query.length + found.length} alone`);
+  ? `all ${count(pairs.length, "end")} matched` : `${count(pairs.length, "end")} matched, ${query.length + found.length} alone`);
 
 let open = null;
 

@@ -48,7 +48,9 @@ function list(items, load) {
 
 function where(task) {
   const text = KINDS[task.kind] ?? task.kind;
-  if (task.kind === "query" && task.collection) return h("a", { href: withQuery(path`/collections/${task.collection}/query`, { task: task.id }) }, text);
-  if (task.shape && task.collection) return h("a", { href: path`/collections/${task.collection}/shapes/${task.shape}` }, text);
-  return task.collection ? h("span", {}, `${text} in `, h("a", { href: path`/collections/${task.collection}` }, task.collection)) : text;
+  const { collection, shape } = task;
+  if (!collection) return text;
+  const to = task.kind === "query" ? withQuery(path`/collections/${collection}/query`, { task: task.id })
+    : shape && path`/collections/${collection}/shapes/${shape}`;
+  return h("span", {}, to ? h("a", { href: to }, text) : text, " in ", h("a", { href: path`/collections/${collection}` }, collection));
 }
