@@ -205,7 +205,7 @@ def _draw(client: Client, collection: str, query: Shape, answer: Answer, kind: s
     hits = [
         HitPanel(
             panel(hit.shape.name, hit.shape.id),
-            hit.dissimilarity,
+            hit.graph_dissimilarity,
             tuple((pair.query, pair.hit) for pair in hit.pairs),
         )
         for hit in answer.hits

@@ -292,6 +292,13 @@ def test_query_by_a_mesh(
     assert "0.0000" in best
     answer = json.loads(command(*asked, "--json", "-").out)
     assert answer["hits"][0]["shape"]["name"] == "odd/03.ply"
+    assert answer["query"]["descriptor"] == "fused" and answer["query"]["rerank"]
+    assert "by fused, re-ranked" in ran.out and "extended 0.000" in best
+    by_d = command(*asked, "--descriptor", "srg", "--measure", "greedy").out
+    assert "by srg, greedy" in by_d and "matched pairs" in by_d and "D(G, G~)" in by_d
+    plain = json.loads(command(*asked, "--no-rerank", "--json", "-").out)
+    assert plain["query"]["rerank"] is False and plain["hits"][0]["parts"][0]["matched"]["pairs"]
+    assert "rerank" in command(*asked, "--descriptor", "hks", "--rerank").err
     assert "No hits" in command(*asked, "--label", "nobody").out
     answer = json.loads(command(*asked, "--tolerance", "any", "--json", "-").out)
     assert answer["query"]["tolerance"] is None
