@@ -3,7 +3,7 @@
 ``add(conn, collection_id, *, sha256, bytes, format, name, filename, label, tags, metadata, owner)
 -> (Shape, created)``, ``get(conn, collection_id, shape_id)``, ``by_ids(conn, shape_ids) -> dict``,
 ``list_page(conn, collection_id, filters, *, limit, cursor, sort) -> Page``, ``count(conn, collection_id, filters)``,
-``labels(conn, collection_id) -> [(label, shapes)]``, ``summaries(conn, collection_id) -> {id: (name, label)}``,
+``labels(conn, collection_id) -> [(label, shapes)]``, ``summaries(conn, collection_id, ids) -> {id: (name, label)}``,
 ``update(conn, collection_id, shape_id, *, name, label, tags, metadata)``, ``label_many(conn, ...)``,
 ``delete(conn, collection_id, shape_id)``, ``restore(conn, collection_id, shape_id)``, ``purge(conn, keep_seconds)``,
 ``ids_matching(conn, collection_id, filters) -> frozenset``
@@ -148,11 +148,16 @@ def count(conn: Connection, collection_id: str, filters: Filters | None = None) 
     return int(conn.execute(_filtered(select(func.count()), collection_id, filters or Filters())).scalar_one())
 
 
-def summaries(conn: Connection, collection_id: str) -> dict[str, tuple[str, str | None]]:
-    """Name and label of every shape, by id."""
-    columns = select(table.c.id, table.c.name, table.c.label)
-    rows = conn.execute(columns.where(table.c.collection_id == collection_id, present))
-    return {row.id: (row.name, row.label) for row in rows}
+def summaries(
+    conn: Connection, collection_id: str, shape_ids: Sequence[str]
+) -> dict[str, tuple[str, str | None]]:
+    """Name and label of those of the shapes that are there, by id."""
+    columns = select(table.c.id, table.c.name, table.c.label).where(table.c.collection_id == collection_id, present)
+    found: dict[str, tuple[str, str | None]] = {}
+    for start in range(0, len(shape_ids), _MANY):
+        rows = conn.execute(columns.where(table.c.id.in_(shape_ids[start : start + _MANY])))
+        found.update((row.id, (row.name, row.label)) for row in rows)
+    return found
 
 
 def labels(conn: Connection, collection_id: str) -> list[tuple[str | None, int]]:

@@ -46,7 +46,8 @@ def get_duplicates(
         opened = open_collection(conn, principal, collection)
         newest, done = duplicates.latest(conn, opened.id)
         found = (done.result or {}) if done is not None else {}
-        there = shapes.summaries(conn, opened.id)
+        named = {one[side] for one in found.get("findings", ()) for side in ("first", "second")}
+        there = shapes.summaries(conn, opened.id, sorted(named))
         kept = [
             one for one in found.get("findings", ())
             if {one["first"], one["second"]} <= there.keys() and one["confidence"] in sure

@@ -58,7 +58,7 @@ def get_map(
         chosen = _descriptor(conn, opened, descriptor)
         newest, done = maps.latest(conn, opened.id, chosen)
         found = (done.result or {}) if done is not None else {}
-        there = shapes.summaries(conn, opened.id)
+        there = shapes.summaries(conn, opened.id, [point[0] for point in found.get("points", ())])
         points = [
             MapPoint(shape=shape_id, name=there[shape_id][0], label=there[shape_id][1], x=x, y=y)
             for shape_id, x, y in found.get("points", ()) if shape_id in there

@@ -415,3 +415,23 @@ def test_several_processes_never_share_a_claim_and_lose_nothing(
         crashes = conn.execute(select(func.sum(tables.task.c.crashes))).scalar_one()
     assert [tuple(row) for row in states] == [("succeeded", count)]
     assert crashes == len(claims) - count >= len(range(0, count, 7))
+
+
+def test_who_no_longer_holds_a_task_may_not_write_before_its_end_either(
+    database: Database, queue: tasks.DatabaseQueue
+) -> None:
+    with database.write() as conn:
+        task = tasks.enqueue(conn, "synthesise")
+    held = queue.claim("one")
+    assert held is not None
+    with database.write() as conn:
+        tasks.check_held(conn, held)
+        tasks.cancel_live(conn, shape_id="none")
+        tasks.check_held(conn, held)
+    queue.release(held)
+    again = queue.claim("two")
+    assert again is not None and again.id == task.id
+    with database.read() as conn:
+        tasks.check_held(conn, again)
+        with pytest.raises(StaleClaim):
+            tasks.check_held(conn, held)
