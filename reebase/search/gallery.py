@@ -100,6 +100,8 @@ class Gallery:
         self.ids: tuple[str, ...] = ()
         self._kept = {part: _Kept.of([]) for part in ranking.parts}
         self._known = _Known((), (), {})
+        # An earlier snapshot that was measuring its distances when this one was made, and what was lost since.
+        self._awaited: tuple[Gallery, frozenset[str]] | None = None
         self._lock = RLock()
 
     def __len__(self) -> int:
@@ -131,7 +133,7 @@ class Gallery:
             rows = descriptor_named(part).comparison.rows
             new = _Kept.of([rows(np.float32(kept[part]), part) for kept in put.values()])
             after._kept[part] = self._kept[part].taken(stay).joined(new).taken(order)
-        after._known = self._known_without(lost)
+        self._hand_on(after, frozenset(lost))
         return after
 
     def rank(self, query: Mapping[str, Floats], id: str | None = None, *, again: bool = False) -> Ranked:
@@ -185,6 +187,10 @@ class Gallery:
     def _distances(self) -> Mapping[str, Array]:
         """part -> (n, r), the distances to the references; what an earlier snapshot knew is not computed again."""
         with self._lock:
+            if self._awaited is not None:
+                before, lost = self._awaited
+                with before._lock:
+                    self._known, self._awaited = before._known_without(lost), None
             references = tuple(self.ids[place] for place in self._references)
             known = self._known
             if not known.distances or (known.ids, known.references) != (self.ids, references):
@@ -206,6 +212,20 @@ class Gallery:
         for column in np.setdiff1d(np.arange(len(self._references)), columns):
             out[:, column] = one_to_many(_rows_of(stack, self._references[column]), stack, measure)
         return out
+
+    def _hand_on(self, after: Gallery, lost: frozenset[str]) -> None:
+        """Give a later snapshot what is known; where it is just being measured, let that one wait for it if it must."""
+        if not self._lock.acquire(blocking=False):
+            after._awaited = (self, lost)
+            return
+        try:
+            if self._awaited is None:
+                after._known = self._known_without(lost)
+            else:
+                before, earlier = self._awaited
+                after._awaited = (before, earlier | lost)
+        finally:
+            self._lock.release()
 
     def _known_without(self, lost: Collection[str]) -> _Known:
         known = self._known

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,34 @@ def test_a_large_collection_is_ranked_through_references_and_candidates(ranking,
     once = filled(ranking, {**kept, "100": kept["022"]})
     found, expected = (one.rank(kept["022"], "022", again=ranking.rerank) for one in (later, once))
     np.testing.assert_array_equal(found.dissimilarities, expected.dissimilarities)
+
+
+def test_a_snapshot_made_while_another_is_measured_does_not_measure_it_all_again(monkeypatch):
+    ranking = FUSIONS[0]
+    kept = shapes(ranking, 30)
+    ids = list(kept)
+    first = filled(ranking, {id: kept[id] for id in ids[:25]})
+    measuring, later_is_made, columns = threading.Event(), threading.Event(), []
+    completed = Gallery._completed
+
+    def slowly(self, part, measure):
+        measuring.set()
+        assert later_is_made.wait(10)
+        columns.append(len(self) - len(self._known.ids))
+        return completed(self, part, measure)
+
+    monkeypatch.setattr(Gallery, "_completed", slowly)
+    thread = threading.Thread(target=first.rank, args=(kept["000"],))
+    thread.start()
+    assert measuring.wait(10)
+    later = first.changed({id: kept[id] for id in ids[25:28]}).changed({ids[28]: kept[ids[28]]}, ["003"])
+    later_is_made.set()
+    found = later.rank(kept["001"], "001")
+    thread.join()
+    # 25 by the first, then only what came since.
+    assert columns == [25] * len(PARTS) + [4] * len(PARTS)
+    left = {id: one for id, one in list(kept.items())[:29] if id != "003"}
+    np.testing.assert_array_equal(found.dissimilarities, filled(ranking, left).rank(kept["001"], "001").dissimilarities)
 
 
 def test_the_memory_is_that_of_single_precision_and_of_distances_to_references(monkeypatch):
