@@ -24,7 +24,7 @@ __all__ = ["Candidate", "Shape", "candidates", "find_duplicates"]
 Array = npt.NDArray[np.float64]
 Progress = Callable[[float], None]
 
-REACH = 0.04
+REACH = 0.05
 """Root mean square difference of signatures up to which two shapes are compared."""
 
 MOST = 20

@@ -14,7 +14,7 @@ from reebase.pictures.canvas import Theme, blank, encoded, theme_named
 __all__ = ["matrix_plot", "precision_recall_plot"]
 
 _MOST_INSIDE = 6
-_LEGEND = 150
+_LEGEND = 180
 _WIDE = 560
 """Curves that are named inside the plot; pixels for the names beside it where there are more, and from which width on
 there is room beside it and not below."""

@@ -39,7 +39,7 @@ tbody th{font-weight:600}
 td small{display:block;font-size:.74rem;line-height:1.2}
 td strong{color:var(--accent)}
 td.shade{background:rgba(var(--shade),calc(var(--v)*.38))}
-td.text,th.text{text-align:left;white-space:normal;min-width:14rem}
+td.text,th.text{text-align:left;white-space:normal;min-width:20rem}
 figure{margin:0}
 figure img{max-width:100%;height:auto;display:block}
 figure.square img{max-width:min(100%,40rem)}
