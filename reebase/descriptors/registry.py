@@ -92,7 +92,7 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("extended", "Limbs: maxima of the auto diffusion field, what surrounds them; compared by D.",
                    extended.describe, CHARGED, ("matching",), place=extended.place, version=2),
         Descriptor("rgpd", "Endpoints of the Reeb graph of geodesic distance, compared by D.",
-                   rgpd.describe, ENDPOINTS, tuple(MEASURES)),
+                   rgpd.describe, ENDPOINTS, tuple(MEASURES), version=2),
         Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, VECTORS, ("l2", "l1")),
         Descriptor("moments", "How flat, round and bulging the surface is around its points.",
                    moments.describe, VECTORS, ("l1", "l2")),

@@ -30,7 +30,7 @@ def describe(surface: Surface) -> npt.NDArray[np.float64]:
 
     Where it is least lies the middle of the body: whether that ends in a cap or in a ring says nothing of limbs.
     """
-    graph = skeleton(surface.body, field="geodesic_integral", bands=BANDS)
+    graph = skeleton(surface.body, field="geodesic_integral", bands=BANDS, levels="width")
     rises = np.zeros(len(graph.positions), dtype=bool)
     rises[graph.edges.max(axis=1, initial=0)] = True  # nodes are numbered by band: its edge comes from below
     rises[graph.edges.min(axis=1, initial=0)] = False

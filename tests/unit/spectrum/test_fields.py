@@ -110,7 +110,7 @@ def test_geodesic_integral_is_even_on_a_sphere_and_free_of_units_and_place():
 
 def test_skeletons_by_these_fields_end_at_the_ends():
     for name in ("auto_diffusion", "geodesic_integral"):
-        found = skeleton(MESH, field=name, bands=32)
+        found = skeleton(MESH, field=name, bands=32, levels="width")
         ends = found.positions[found.endpoints]
         assert len(ends) == 2
         assert ends[:, 2].min() < -0.9 * MESH.vertices[:, 2].max()
