@@ -12,8 +12,8 @@ from reebase.denoise.exponential_kernels import FAST, exponentials
 from reebase.denoise.ring_kernels import CROWD
 
 __all__ = [
-    "around_faces", "bilateral_normals", "face_geometry", "follow_normals", "mean_distance_across", "mean_normals",
-    "median_normals", "normals_above",
+    "around_faces", "bilateral_normals", "bilateral_weights", "face_geometry", "follow_normals",
+    "mean_distance_across", "mean_normals", "median_normals", "normals_above",
 ]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
@@ -218,6 +218,34 @@ def bilateral_normals(
                 result[t, 0], result[t, 1], result[t, 2] = x / length, y / length, z / length
         first = last
     return result
+
+
+@FAST
+def bilateral_weights(
+    normals: FloatArray, areas: FloatArray, centroids: FloatArray, starts: IntArray, rows: IntArray, sigma_c: float,
+    sigma_s: float,
+) -> FloatArray:  # fmt: skip
+    """The weights of ``bilateral_normals``, each row scaled to sum 1, or 0 where they vanish, as long as rows."""
+    weights = np.empty(len(rows))
+    scratch = np.empty(len(rows))
+    near, alike = -0.5 / (sigma_c * sigma_c), -0.5 / (sigma_s * sigma_s)
+    for t in range(len(normals)):
+        for k in range(starts[t], starts[t + 1]):
+            s = rows[k]
+            far, other = 0.0, 0.0
+            for axis in range(3):
+                far += (centroids[s, axis] - centroids[t, axis]) ** 2
+                other += (normals[s, axis] - normals[t, axis]) ** 2
+            weights[k] = near * far + alike * other
+    exponentials(weights, scratch, scratch.view(np.int64), len(rows))
+    for t in range(len(normals)):
+        total = 0.0
+        for k in range(starts[t], starts[t + 1]):
+            weights[k] *= areas[rows[k]]
+            total += weights[k]
+        for k in range(starts[t], starts[t + 1]):
+            weights[k] = weights[k] / total if total > 0.0 else 0.0
+    return weights
 
 
 @njit(cache=True, nogil=True)

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise.filter import Choice, Filter, FloatArray, Number, Step, Surface
+from reebase.denoise.solving import conjugate_gradients
 from reebase.denoise.weighted_laplacian import LARGEST
 from reebase.mesh.geometry import face_areas, signed_volume
 from reebase.mesh.mesh import Mesh
@@ -34,7 +35,6 @@ __all__ = ["FAIRING"]
 IntArray = npt.NDArray[np.int32]
 
 LEAST_MASS = 1e-6
-RESIDUAL = 1e-13
 MOST_ROUNDS = 200
 """Rounds of conjugate gradients; tens are needed where ``time`` is about 1 and edges are alike."""
 
@@ -67,7 +67,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
             return np.asarray(mass * vectors - diffuse(vectors, starts, neighbours, weights, halves)[0])
 
         # What is solved for is the displacement: (M + t L) d = -t L v.
-        moved, solved = conjugate_gradients(matrix, first, mass + totals[:, None])
+        moved, solved = conjugate_gradients(matrix, first, mass + totals[:, None], MOST_ROUNDS)
         if not solved:
             moved = factorised(mass[:, 0] + totals, starts, neighbours, weights, first)
         if closed:
@@ -78,30 +78,6 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
         return moved
 
     return step
-
-
-def conjugate_gradients(matrix: Step, right: FloatArray, diagonal: FloatArray) -> tuple[FloatArray, bool]:
-    """The solution of matrix(x) = right, column by column, (m, 3), from zero, with the diagonal as preconditioner.
-
-    Also returns whether the residual got small enough.
-    """
-    found, residual = np.zeros_like(right), right
-    scaled = residual / diagonal
-    direction = scaled
-    product = (residual * scaled).sum(axis=0)
-    enough = RESIDUAL**2 * product
-    for _ in range(MOST_ROUNDS):
-        if (product <= enough).all():
-            return found, True
-        image = matrix(direction)
-        curvature = (direction * image).sum(axis=0)
-        share = product / np.where(curvature > 0, curvature, 1.0)
-        found = found + share * direction
-        residual = residual - share * image
-        scaled = residual / diagonal
-        product, before = (residual * scaled).sum(axis=0), product
-        direction = scaled + product / np.where(before > 0, before, 1.0) * direction
-    return found, False
 
 
 def factorised(

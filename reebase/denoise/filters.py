@@ -11,6 +11,7 @@ from reebase.denoise.anisotropic import ANISOTROPIC
 from reebase.denoise.automatic import AUTO, Choice, applied, chosen
 from reebase.denoise.bilateral import BILATERAL
 from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
+from reebase.denoise.bilateral_normal_global import BILATERAL_NORMAL_GLOBAL
 from reebase.denoise.fairing import FAIRING
 from reebase.denoise.fast_effective import FAST_EFFECTIVE
 from reebase.denoise.filter import Filter, FloatArray, Hold, Surface
@@ -18,6 +19,7 @@ from reebase.denoise.finite_volume import FINITE_VOLUME
 from reebase.denoise.graph_diffusion import GRAPH_P_LAPLACIAN, UNIFORM
 from reebase.denoise.guided_normal import GUIDED_NORMAL
 from reebase.denoise.kernel_diffusion import KERNEL
+from reebase.denoise.l0 import L0
 from reebase.denoise.laplacian import LAPLACIAN
 from reebase.denoise.mean_median import ANGLE_MEDIAN, MEAN
 from reebase.denoise.multiscale_anisotropic import MULTISCALE_ANISOTROPIC
@@ -33,7 +35,8 @@ METHODS: dict[str, Filter] = {
     entry.name: entry
     for entry in (
         LAPLACIAN, MEAN, ANGLE_MEDIAN, WEIGHTED_LAPLACIAN, BILATERAL, ANISOTROPIC, GRAPH_P_LAPLACIAN, KERNEL, UNIFORM,
-        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, GUIDED_NORMAL, FAST_EFFECTIVE, TAUBIN, FAIRING, AUTO,
+        FINITE_VOLUME, MULTISCALE_ANISOTROPIC, BILATERAL_NORMAL, BILATERAL_NORMAL_GLOBAL, GUIDED_NORMAL, FAST_EFFECTIVE,
+        TAUBIN, FAIRING, L0, AUTO,
     )
 }  # fmt: skip
 """Every filter by name."""

@@ -457,3 +457,67 @@ def fairing(mesh: Mesh, time: float = 0.5, largest: float = 20 / math.sqrt(3)) -
             stiffness[i, i] += w
             stiffness[i, j] -= w
     return np.linalg.solve(mass + time * mean_edge(mesh) ** 2 * stiffness, mass @ v)
+
+
+def bilateral_normal_global(
+    mesh: Mesh, sigma_s: float = 0.6, reach: float = 1.0, fidelity: float = 0.01, vertex_iterations: int = 10
+) -> FloatArray:
+    """Positions after the global scheme of Zheng et al. (2011), by a dense least-squares matrix, (m, 3)."""
+    near, across = near_faces(mesh)
+    normals = np.array([normal(mesh.vertices, tuple(face)) for face in mesh.faces])
+    centroids = [mesh.vertices[face].mean(axis=0) for face in mesh.faces]
+    areas = np.array([area(mesh.vertices, tuple(face)) for face in mesh.faces])
+    sigma_c = reach * np.mean([np.linalg.norm(centroids[s] - centroids[t]) for s, t in across])
+    apart = np.eye(len(normals))
+    for t in range(len(normals)):
+        weights = {}
+        for s in near[t]:
+            far, other = centroids[s] - centroids[t], normals[s] - normals[t]
+            weights[s] = areas[s] * math.exp(-far @ far / (2 * sigma_c**2) - other @ other / (2 * sigma_s**2))
+        for s, weight in weights.items():
+            apart[t, s] -= weight / sum(weights.values())
+    matrix = (1 - fidelity) * apart.T @ np.diag(areas) @ apart + fidelity * np.diag(areas)
+    found = np.linalg.solve(matrix, fidelity * areas[:, None] * normals)
+    return following(mesh, [unit(one) for one in found], vertex_iterations)
+
+
+def l0(mesh: Mesh, flatness: float = 0.2) -> FloatArray:
+    """Positions after the minimisation of He and Schaefer (2013), by dense matrices, (m, 3)."""
+    edge = mean_edge(mesh)
+    start = mesh.vertices / edge
+    hinges: list[tuple[int, int, int, int]] = []
+    for one in mesh.faces:
+        for k in range(3):
+            p3, p1, p2 = (int(one[(k + j) % 3]) for j in range(3))
+            beside = [set(map(int, f)) for f in mesh.faces if {p1, p3} <= set(map(int, f))]
+            others = [s - {p1, p3} for s in beside if p2 not in s]
+            seen = {frozenset((hinge[0], hinge[2])) for hinge in hinges}
+            if len(beside) == 2 and len(others) == 1 and frozenset((p1, p3)) not in seen:
+                hinges.append((p1, p2, p3, others[0].pop()))
+
+    def angle(hinge: tuple[int, int, int, int]) -> float:
+        a, b, c, d = (start[i] for i in hinge)
+        one, other = np.cross(b - a, c - a), np.cross(c - a, d - a)
+        return math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+
+    gamma = float(np.mean([angle(hinge) for hinge in hinges]))
+    p, beta, alpha = start, 1e-3, 0.1 * gamma
+    skew = np.zeros((len(hinges), len(p)))
+    for row, hinge in enumerate(hinges):
+        skew[row, list(hinge)] = [1, -1, 1, -1]
+    while beta < 1e3:
+        bend = np.zeros_like(skew)
+        for row, (i1, i2, i3, i4) in enumerate(hinges):
+            p1, p2, p3, p4 = p[i1], p[i2], p[i3], p[i4]
+            a, b = area(p, (i1, i2, i3)), area(p, (i1, i3, i4))
+            scale = (p3 - p1) @ (p3 - p1) * (a + b)
+            bend[row, i1] = (a * (p4 - p3) @ (p3 - p1) + b * (p1 - p3) @ (p3 - p2)) / scale
+            bend[row, i3] = (a * (p3 - p1) @ (p1 - p4) + b * (p2 - p1) @ (p1 - p3)) / scale
+            bend[row, i2], bend[row, i4] = b / (a + b), a / (a + b)
+        delta = bend @ p
+        delta[(delta**2).sum(axis=1) <= flatness * gamma / beta] = 0
+        matrix = np.eye(len(p)) + beta * bend.T @ bend + alpha * skew.T @ skew
+        p = np.linalg.solve(matrix, start + beta * bend.T @ delta)
+        beta *= math.sqrt(2)
+        alpha /= 2
+    return p * edge

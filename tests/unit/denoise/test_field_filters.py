@@ -28,6 +28,13 @@ VARIANTS: list[tuple[str, dict[str, object], Twin]] = [
     ("fast_effective", FEW | {"threshold": 0.5}, lambda mesh: oracle.fast_effective(mesh, 0.5, **FEW)),
     ("guided_normal", FEW, lambda mesh: oracle.guided_normal(mesh, **FEW)),
     ("guided_normal", FEW | {"sigma_s": 0.2, "reach": 2}, lambda mesh: oracle.guided_normal(mesh, 0.2, 2.0, **FEW)),
+    ("bilateral_normal_global", {}, oracle.bilateral_normal_global),
+    (
+        "bilateral_normal_global", {"sigma_s": 0.3, "reach": 2, "fidelity": 0.5, "vertex_iterations": 3},
+        lambda mesh: oracle.bilateral_normal_global(mesh, 0.3, 2.0, 0.5, 3),
+    ),
+    ("l0", {}, oracle.l0),
+    ("l0", {"flatness": 0.02}, lambda mesh: oracle.l0(mesh, 0.02)),
     ("fairing", {"keep_volume": False}, oracle.fairing),
     ("fairing", {"keep_volume": False, "time": 20, "largest": 2}, lambda mesh: oracle.fairing(mesh, 20.0, 2.0)),
     ("taubin", {}, oracle.taubin),
@@ -46,7 +53,9 @@ def test_the_filter_equals_its_slow_twin(mesh: Mesh, method: str, parameters: di
     assert np.abs(found - noisy.vertices).max() > 1e-3
 
 
-@pytest.mark.parametrize("method", ["bilateral_normal", "fast_effective", "guided_normal"])
+@pytest.mark.parametrize(
+    "method", ["bilateral_normal", "bilateral_normal_global", "fast_effective", "guided_normal", "l0"]
+)
 def test_a_box_keeps_its_edges(method: str) -> None:
     """Faces on either side of a right angle do not blur: nearer to the truth than a Laplacian, and no smaller."""
     truth = voxels(np.ones((12, 12, 12)))
