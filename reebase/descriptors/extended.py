@@ -36,9 +36,12 @@ CHARGES = (0.6, 1.5)
 and cheaper ones let limbs that differ stay alone."""
 
 OWN = {"heat": 0.75, "spread": 2.0, "facing": 2.0}
-SHARED = {"spread": 2.0, "extent": 0.5, "bulge": 2.0, "waves": 0.75}
+SHARED = {"spread": 1.0, "extent": 0.5, "bulge": 2.0, "waves": 0.75}
 """Weights of the features of the endpoint and of the shape. Each is a root mean square over the times or energies, in
 nats or in ratios, and so on a scale that is the same in every collection."""
+
+SHORT = 3
+"""Times of the moments of the whole shape, the shortest ones: in a wide window a bent knee shows."""
 
 
 def endpoints(surface: Surface) -> Maxima:
@@ -56,13 +59,13 @@ def place(surface: Surface) -> Array:
 
 
 def describe(surface: Surface) -> Array:
-    """omega of each endpoint, most persistent first, float64, (k, 99), k >= 1.
+    """omega of each endpoint, most persistent first, float64, (k, 78), k >= 1.
 
     Of the endpoint: log heat kernel signature less its area-weighted mean, 16 columns; square roots of the eigenvalues
     of the normals' moments, 18, which are cosines as the mean normal is; length of the mean normal, 6. Of the shape,
-    the same in each row: the means over the surface of these square roots, 18, of the extents, 18, and of the bulge,
-    6; the standard deviation of the wave kernel signature at each energy, 16. The last column: the charge of the
-    endpoint when it stays unmatched.
+    the same in each row, at the shortest times: the means over the surface of these square roots, 9, of the extents,
+    9, and of the bulge, 3; the standard deviation of the wave kernel signature at each energy, 16. The last column:
+    the charge of the endpoint when it stays unmatched.
     """
     found = endpoints(surface)
     heat = log_heat(surface)
@@ -74,9 +77,9 @@ def describe(surface: Surface) -> Array:
         "facing": _mean_square(at.facing),
     }
     shared = {
-        "spread": _mean_square(np.sqrt(around.spread).mean(axis=0, keepdims=True)),
-        "extent": _mean_square(around.extent.mean(axis=0, keepdims=True)),
-        "bulge": _mean_square(around.bulge.mean(axis=0, keepdims=True)),
+        "spread": _mean_square(np.sqrt(around.spread)[:, :SHORT].mean(axis=0, keepdims=True)),
+        "extent": _mean_square(around.extent[:, :SHORT].mean(axis=0, keepdims=True)),
+        "bulge": _mean_square(around.bulge[:, :SHORT].mean(axis=0, keepdims=True)),
         "waves": _waves(surface),
     }
     of_shape = np.hstack([weight * shared[name] for name, weight in SHARED.items()])

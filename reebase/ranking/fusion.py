@@ -24,7 +24,7 @@ __all__ = ["PARTS", "REFERENCES", "Fused", "Statistics", "fuse", "fused_matrix",
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Array]
 
-WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0, "wks": 1.0, "views": 2.0})
+WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0, "wks": 1.0, "views": 3.0})
 """The descriptors that are fused, each by its default measure, and what each counts."""
 
 PARTS: tuple[str, ...] = tuple(WEIGHTS)
