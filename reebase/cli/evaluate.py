@@ -36,7 +36,7 @@ from reebase.report.record import Entry
 from reebase.words import counted
 
 ALL = "all"
-"""Stands for every descriptor."""
+"""Stands for every descriptor that compares whole shapes: a part that seeks its whole is another question."""
 
 
 def evaluate(
@@ -135,7 +135,10 @@ def _chosen(names: Sequence[str], measure: str | None, rerank: bool | None) -> l
         if name == ALL:
             both = (True, False) if rerank is None else (rerank,)
             found += [ranking_named(FUSED, measure, one) for one in both]
-            found += [ranking_named(one, measure) for one in DESCRIPTORS]
+            found += [
+                ranking_named(name, measure) for name, one in DESCRIPTORS.items()
+                if one.measures[0] not in one.comparison.one_sided
+            ]  # fmt: skip
         else:
             found.append(ranking_named(name, measure, rerank))
     return list(dict.fromkeys(found))

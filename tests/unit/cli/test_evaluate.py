@@ -13,9 +13,11 @@ import pytest
 
 from reebase.cli import describing
 from reebase.cli.describing import Refusal, descriptions
+from reebase.cli.evaluate import _chosen
 from reebase.matching import MEASURES
 from reebase.mesh.write import write
 from reebase.pipeline import Profile, describe
+from reebase.ranking import RANKINGS
 from tests.command import Command
 from tests.shapes import capsule, torus
 
@@ -196,3 +198,10 @@ def test_several_descriptors_are_compared_in_one_report(command: Command, folder
 def test_a_descriptor_that_is_named_twice_counts_once(command: Command, folder: Path) -> None:
     record = report_of(command, folder, "--jobs", 1, "--descriptor", "srg", "--descriptor", "srg")
     assert record["descriptor"] == "srg"
+
+
+def test_all_is_every_ranking_of_whole_shapes() -> None:
+    chosen = _chosen(["srg", "all"], None, None)
+    assert [(one.name, one.rerank) for one in chosen][:3] == [("srg", False), ("fused", True), ("fused", False)]
+    assert {one.name for one in chosen} == set(RANKINGS) - {"patches"}
+    assert len(chosen) == len(set(chosen))
