@@ -161,6 +161,6 @@ def _left_out(lacking: int, descriptor: str) -> list[dict[str, Any]]:
         return []
     detail = (
         f"They were described before what {descriptor} compares was kept, or could not be described by it; "
-        "reindex the collection."
+        "reindex the collection with it."
     )
     return [{"code": "without_descriptor", "shapes": lacking, "detail": detail}]

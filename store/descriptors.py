@@ -128,8 +128,8 @@ def check_any(conn: Connection, collection: Collection, names: Some[str]) -> Non
     missing = sorted(name for name, shapes in found.items() if shapes == 0)
     if found[SRG] and missing:
         raise NothingToCompare(
-            f"None of the {found[SRG]} described shapes has {', '.join(missing)}. Reindex the collection; what the "
-            "service keeps of shapes is its setting REEBASE_DESCRIPTORS.",
+            f"None of the {found[SRG]} described shapes has {', '.join(missing)}. Reindex the collection with "
+            "descriptors that it should have.",
             descriptors=missing,
         )
 

@@ -127,6 +127,6 @@ def _without(conn: Connection, shape_id: str, state: str, missing: list[str]) ->
         return results.not_described(conn, shape_id, f"The shape has no {names} yet.")
     return ResultNotFound(
         f"The shape has no {names}: it was described before that was kept, or could not be described by it. "
-        "Reindex the collection, or rank by srg.",
+        "Reindex the collection with it, or rank by srg.",
         shape=shape_id, state=state, descriptors=missing,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from reebase.descriptors import DESCRIPTORS
+from reebase.ranking import PARTS
 from store.engine import sqlite_url
 
 __all__ = ["Settings"]
@@ -44,9 +45,9 @@ class Settings(BaseSettings):
     max_batch_hits: int = Field(5000, ge=1)
 
     # What is kept of every shape beside the endpoint features, separated by commas: it can be ranked by that. By
-    # default all but those that take longer than everything else together; a collection gets these by reindexing.
+    # default what `fused` compares and what costs little beside it; a collection gets others by reindexing.
     descriptors: Annotated[tuple[str, ...], NoDecode] = tuple(
-        name for name in DESCRIPTORS if name not in ("srg", "rgpd", "patches")
+        name for name in DESCRIPTORS if name in (*PARTS, "shape_dna", "hks", "d2")
     )
     # What one process holds of these in memory, for queries; beyond it the collections asked for longest ago go.
     gallery_memory_bytes: int = Field(1 * _GIB, ge=_MIB)

@@ -81,7 +81,7 @@ def asked(ranking: Ranking) -> dict[str, Any]:
 
 RANKINGS = [
     *(ranking_named(FUSED, rerank=again) for again in (True, False)),
-    *(ranking_named(name) for name in ("srg", "extended", "hks", "views", "sh")),
+    *(ranking_named(name) for name in ("srg", "extended", "hks", "views", "d2")),
     ranking_named("hks", "l2"), ranking_named("srg", "greedy"),
 ]  # fmt: skip
 
@@ -242,7 +242,8 @@ def test_shapes_that_lack_a_descriptor_are_told_apart_and_get_it(http: httpx.Cli
 def test_a_costly_descriptor_is_given_on_demand_and_stays(http: httpx.Client, older: dict[str, str]) -> None:
     path = older[""]
     problem = http.post("/v1/evaluations", json={"collection": "older", "descriptor": "patches"})
-    is_problem(problem, 409, "nothing_to_compare")
+    value = is_problem(problem, 409, "nothing_to_compare")
+    assert value["details"]["descriptors"] == ["patches"] and "Reindex" in value["detail"]
     nothing = http.post(f"{path}/query", content=to_bytes(MESHES["ring 0.3"], "ply"), params={"descriptor": "patches"})
     assert (nothing.json()["hits"], nothing.json()["left_out"][0]["shapes"]) == ([], 4)
     assert http.post(f"{path}/reindex", json={"descriptors": ["patches"]}).json() == {"queued": 4}
