@@ -11,7 +11,7 @@ import pytest
 from sqlalchemy import select
 
 from reebase.pipeline import STAGES
-from store import tables
+from store import tables, tasks
 from tests.crash.house import LEASE, alive, wait_until
 
 CHILD_POINTS = ("child.start", *(f"child.{stage}" for stage in STAGES), "child.write", "child.end")
@@ -199,4 +199,24 @@ def test_a_cancelled_task_ends_as_cancelled(house, tmp_path, state):
     assert ended.state == "cancelled"
     if state == "running":
         assert not alive(child)
+    house.check()
+
+
+def test_the_worker_is_killed_while_it_fills_a_collection(house):
+    collection = house.collection()
+    options = {"per_class": 1, "classes": ["snakes", "pliers"], "seed": 0}
+    with house.database.write() as conn:
+        params = {"synthetic": options, "owner": None}
+        filling = tasks.enqueue(conn, "synthesise", collection_id=collection.id, params=params)
+    for _ in range(2):
+        worker = house.start_worker(fault="worker.blobs_stored=kill")
+        assert worker.end() == -signal.SIGKILL
+    house.start_worker()
+    house.await_end(filling)
+    assert (house.task(filling).state, house.task(filling).crashes) == ("succeeded", 2)
+    with house.database.read() as conn:
+        made = conn.execute(select(tables.shape.c.name, tables.shape.c.task_id)).all()
+        descriptions = [tasks.get(conn, row.task_id) for row in made]
+    assert sorted(row.name for row in made) == ["pliers-00", "snakes-00"]
+    house.await_end(*descriptions)
     house.check()
