@@ -57,6 +57,10 @@ function disc({ text, colour, alone }) {
     svg("text", { y: 4 }, text));
 }
 
+/** What is said where nothing can be drawn in 3D. */
+export const noWebGl = () => h("p", { class: "quiet" },
+  "This browser has no WebGL, so there is no 3D view; the pictures, the numbers and the downloads are all here.");
+
 /** The bar under a stage that says, for people who see and people who do not, how it is moved. */
 export const helpText = () => h("p", { class: "quiet small" },
   "Drag to turn, scroll or pinch to zoom. With the keyboard: arrow keys turn, + and − zoom, F fits.");

@@ -3,10 +3,11 @@
 import { events, get, post } from "../parts/api.js";
 import { empty, h, notify, select } from "../parts/dom.js";
 import { keep, askWith, picker } from "../parts/drop.js";
+import { ended } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
 import { go, path, remember, withQuery } from "../parts/router.js";
 import { loadSynthetic } from "../parts/synthetic.js";
-import { count, explained, flagWords, stateWords } from "../parts/words.js";
+import { count, explained, flagWords, stateWords, taskWords } from "../parts/words.js";
 
 const SORTS = [["created", "oldest first"], ["-created", "newest first"], ["name", "name"], ["label", "label"], ["endpoints", "fewest endpoints"], ["-endpoints", "most endpoints"]];
 const STATES = [["", "any state"], ["indexed", "ready"], ["queued", "waiting"], ["running", "running"], ["failed", "failed"], ["cancelled", "cancelled"]];
@@ -44,8 +45,11 @@ async function watch(view, address, browser) {
   view.signal.addEventListener("abort", () => clearTimeout(timer));
   while (!view.signal.aborted) {
     try {
-      for await (const [name] of events(withQuery("/v1/events", { collection: view.params.collection }), view.signal))
+      for await (const [name, data] of events(withQuery("/v1/events", { collection: view.params.collection }), view.signal)) {
+        if (name === "snapshot") data.tasks.forEach((task) => browser.making(task));
+        if (name === "task") browser.making(data);
         if (name !== "waiting") soon();
+      }
     } catch (error) {
       if (view.signal.aborted) return;
     }
@@ -62,8 +66,9 @@ class Browser {
     this.tools = h("div", { class: "toolbar" });
     this.selection = h("div", { class: "selection", role: "region", "aria-label": "Selected shapes", hidden: true });
     this.nothing = h("div", {});
+    this.work = h("p", { class: "quiet", role: "status" });
     this.filters();
-    this.element = h("section", { "aria-label": "Shapes" }, this.tools, this.nothing, this.grid, h("div", { class: "bar centre" }, this.more), this.selection);
+    this.element = h("section", { "aria-label": "Shapes" }, this.tools, this.work, this.nothing, this.grid, h("div", { class: "bar centre" }, this.more), this.selection);
   }
 
   filters() {
@@ -128,6 +133,13 @@ class Browser {
       return; // the next event asks again
     }
     if (this.chosen.size === 0 && !this.grid.contains(document.activeElement)) await this.load();
+  }
+
+  /** Tell of the synthetic set while it is being made: until then there is nothing else to see. */
+  making(task) {
+    if (task.kind !== "synthesise") return;
+    this.work.textContent = ended(task) ? (task.error ? explained(task.error) : "") : `The synthetic set is being made: ${taskWords(task)}. Shapes appear here as they are ready.`;
+    this.nothing.hidden = !ended(task);
   }
 
   count({ counts }) {

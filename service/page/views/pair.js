@@ -8,7 +8,7 @@ import { matchings } from "../parts/matchings.js";
 import { endpointColour, ink } from "../three/colours.js";
 import { after, rotationOnto } from "../three/frame.js";
 import { loadDisplay } from "../three/load.js";
-import { helpText } from "../three/overlay.js";
+import { helpText, noWebGl } from "../three/overlay.js";
 import { Stage } from "../three/stage.js";
 import { Surface } from "../three/surface.js";
 
@@ -61,7 +61,12 @@ export async function showPair({ place, answer, hit, source, collection, signal,
     stageAt.replaceChildren(h("div", { class: "stage waiting" }, h("p", { class: "quiet" }, "Your mesh was not kept, so it cannot be drawn again. Add it to the collection to see both side by side.")));
     return;
   }
-  scene = new Pair(query, other, [name, hit.shape.name], signal);
+  try {
+    scene = new Pair(query, other, [name, hit.shape.name], signal);
+  } catch {
+    stageAt.replaceChildren(noWebGl());
+    return;
+  }
   stageAt.replaceChildren(...scene.elements());
   const chosen = place.querySelector("[name=way]:checked")?.value ?? ways[0].name;
   show(ways.find((way) => way.name === chosen));

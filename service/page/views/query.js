@@ -1,7 +1,7 @@
 // Which shapes are like this one: the terms of the question, the hits as thumbnails, and why each matched.
 
 import { get, post } from "../parts/api.js";
-import { askByFile, fileOf } from "../parts/asking.js";
+import { askByFile, fileOf, HITS } from "../parts/asking.js";
 import { empty, field, h, notify, select } from "../parts/dom.js";
 import { picker } from "../parts/drop.js";
 import { follow } from "../parts/follow.js";
@@ -52,7 +52,7 @@ function termsOf(query) {
 async function byShape(view, id) {
   const address = path`/v1/collections/${view.params.collection}`;
   const [answer, shape] = await Promise.all([
-    post(`${address}/query`, { k: 12, ...termsOf(view.query), shape: id }, view.signal),
+    post(`${address}/query`, { k: HITS, ...termsOf(view.query), shape: id }, view.signal),
     get(`${address}/shapes/${encodeURIComponent(id)}`, view.signal),
   ]);
   return { answer, name: shape.name, source: { address: `${address}/shapes/${encodeURIComponent(id)}`, shape } };
@@ -82,7 +82,7 @@ async function terms(view, answer, shape, task) {
   const ask = (values) => {
     const next = { ...view.query, hit: undefined, ...values };
     if (shape) return go(withQuery(location.pathname, next), { replace: true });
-    return askByFile(view.params.collection, file, { k: 12, ...termsOf(next) }, true);
+    return askByFile(view.params.collection, file, termsOf(next), true);
   };
   const on = (name) => (event) => ask({ [name]: event.target.value });
   const tolerances = [["0", "the same number"], ["1", "one more or less"], ["2", "two more or less"], ["3", "three more or less"], ["any", "any number"]];

@@ -5,7 +5,7 @@ import { remember } from "../parts/router.js";
 import { digits } from "../parts/words.js";
 import { endpointColour, ink, legend } from "../three/colours.js";
 import { loadDisplay } from "../three/load.js";
-import { helpText } from "../three/overlay.js";
+import { helpText, noWebGl } from "../three/overlay.js";
 import { Stage } from "../three/stage.js";
 import { Surface } from "../three/surface.js";
 
@@ -25,7 +25,7 @@ export async function showShape(view, place, { address, shape, skeleton }) {
   try {
     stage = new Stage({ label: `${shape.name} in 3D`, describedBy: "summary", signal: view.signal });
   } catch {
-    place.append(h("p", { class: "quiet" }, "This browser has no WebGL, so there is no 3D view; the picture, the numbers and the downloads are all here."));
+    place.append(noWebGl());
     return;
   }
   const shown = new Shown(stage, mesh, skeleton);
