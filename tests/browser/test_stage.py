@@ -148,3 +148,16 @@ def test_a_shape_of_a_hundred_thousand_vertices_turns(opened: Opened) -> None:
     assert triangles == 200_000
     print(f"100,000 vertices: a frame takes {milliseconds:.0f} ms (median)")  # noqa: T201
     assert milliseconds < 1000
+
+
+def test_without_webgl_the_numbers_are_there(opened: Opened, zoo: dict[str, str]) -> None:
+    seen = opened("/tasks")
+    page = seen.page
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
+    page.goto(f"/collections/zoo/shapes/{zoo['humans-00']}")
+    expect(page.get_by_text("This browser has no WebGL")).to_be_visible()
+    expect(page.locator("#endpoints tbody tr").first).to_be_visible()
+    page.goto(f"/collections/zoo/query?shape={zoo['humans-00']}&hit={zoo['humans-01']}")
+    expect(page.get_by_text("This browser has no WebGL")).to_be_visible()
+    expect(page.locator("#pairs tbody tr").first).to_be_visible()
+    seen.forget("WebGL")

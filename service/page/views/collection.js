@@ -32,8 +32,8 @@ function heading(collection, found, browser) {
     h("div", { class: "spread" }, h("h1", {}, collection),
       h("div", { class: "bar" }, picker("Add meshes", (files) => keep(files, collection)),
         picker("Find similar to a file", ([file]) => askWith(file), { multiple: false, plain: true }),
-        found.counts.shapes > 2 && h("a", { class: "button secondary", href: path`/collections/${collection}/map` }, "Map"),
-        found.counts.shapes > 2 && h("a", { class: "button secondary", href: withQuery("/evaluations", { collection }) }, "Evaluate"))),
+        h("a", { class: "button secondary", href: path`/collections/${collection}/map` }, "Map"),
+        h("a", { class: "button secondary", href: withQuery("/evaluations", { collection }) }, "Evaluate"))),
     found.description && h("p", { class: "quiet" }, found.description), browser.counts);
 }
 
