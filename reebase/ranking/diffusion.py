@@ -22,8 +22,8 @@ __all__ = ["CANDIDATES", "UNREACHED", "rerank", "reranked_matrix"]
 Array = npt.NDArray[np.float64]
 
 CANDIDATES = 256
-"""The nearest shapes of a large collection among which a query is re-ranked; of a smaller collection all. Among 700
-shapes of 19 classes mean average precision is 0.004 lower than with all of them."""
+"""The nearest shapes of a large collection among which a query is re-ranked; of a smaller collection all. Among 468
+shapes of 19 classes mean average precision with 200 is 0.004 lower than with all of them."""
 
 NEIGHBOURS = 8
 """Of each shape in the graph, itself included."""
