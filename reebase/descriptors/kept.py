@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from reebase.descriptors.registry import descriptor_named
 from reebase.descriptors.surface import Surface
-from reebase.errors import ReebaseError
+from reebase.errors import ComputationError, ReebaseError
 
 __all__ = ["Kept", "keep", "load", "save"]
 
@@ -29,13 +29,17 @@ def keep(surface: Surface, names: Iterable[str]) -> tuple[dict[str, Kept], dict[
 
     Raises UnknownName.
     """
-    kept, refused = {}, {}
+    kept: dict[str, Kept] = {}
+    refused: dict[str, ReebaseError] = {}
     for descriptor in [descriptor_named(name) for name in names]:
         try:
             values = np.atleast_2d(np.asarray(descriptor.describe(surface), dtype=np.float32))
             places = None if descriptor.place is None else np.asarray(descriptor.place(surface), dtype=np.float32)
         except ReebaseError as refusal:
             refused[descriptor.name] = refusal
+        except MemoryError:
+            # A mesh that is too large for this one is still described by all that is leaner.
+            refused[descriptor.name] = ComputationError("There was not enough memory for a mesh of this size.")
         else:
             kept[descriptor.name] = Kept(values, places)
     return kept, refused
