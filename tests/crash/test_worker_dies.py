@@ -14,7 +14,7 @@ from reebase.pipeline import STAGES
 from store import tables, tasks
 from tests.crash.house import LEASE, alive, wait_until
 
-CHILD_POINTS = ("child.start", *(f"child.{stage}" for stage in STAGES), "child.write", "child.end")
+CHILD_POINTS = ("child.start", *(f"child.{stage}" for stage in (*STAGES, "descriptors", "write")), "child.end")
 WORKER_POINTS = ("worker.claimed", "worker.child_done", "worker.blobs_stored", "worker.rows_committed")
 
 
