@@ -78,8 +78,6 @@ def test_the_service_is_gone(opened: Opened, tmp_path: Path) -> None:
         seen.page.get_by_role("link", name="Evaluations").click()
         expect(seen.page.locator("#main")).to_contain_text("The service does not answer.")
         expect(seen.page.get_by_role("button", name="Try again")).to_be_visible()
-    page_settled = 500  # what the list of tasks had asked last may still fail
-    seen.page.wait_for_timeout(page_settled)
     seen.forget("ERR_CONNECTION_REFUSED")
 
 

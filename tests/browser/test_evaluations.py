@@ -57,6 +57,9 @@ def test_run_watch_understand_and_compare(opened: Opened, service: Served, zoo: 
     page.get_by_role("button", name="Compare").click()
     expect(page.locator("table tbody tr")).to_have_count(2)
     expect(page.locator(".plot img[src]")).to_have_count(1)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save as a report").click()
+    assert download.value.path().read_text().startswith("<!doctype html>")
 
 
 def test_an_evaluation_that_fails_says_why(opened: Opened, service: Served, zoo: dict[str, str]) -> None:

@@ -1,10 +1,12 @@
 // Several evaluations beside each other: their curves in one plot, their scores in one table.
 
-import { get } from "../parts/api.js";
-import { empty, h, table } from "../parts/dom.js";
+import { download, get, post } from "../parts/api.js";
+import { empty, h, notify, table } from "../parts/dom.js";
+import { follow } from "../parts/follow.js";
 import { plot } from "../parts/pictures.js";
 import { path } from "../parts/router.js";
 import { evaluationName, SCORES, withInterval } from "../parts/scores.js";
+import { explained, taskWords } from "../parts/words.js";
 
 const MOST = 12;
 
@@ -17,6 +19,7 @@ export async function show(view) {
     view.root.append(empty("Nothing to compare", "Choose two or more evaluations that are done.", h("a", { class: "button", href: "/evaluations" }, "To the evaluations")));
     return;
   }
+  view.root.querySelector(".heading").append(h("div", { class: "bar" }, report(view, found.map((one) => one.id))));
   const best = Object.fromEntries(Object.keys(SCORES).map((score) => [score, Math.max(...found.map((one) => one.report.overall[score]))]));
   const asked = found.map((one) => `evaluation=${encodeURIComponent(one.id)}`).join("&");
   view.root.append(h("section", { class: "plots" }, h("div", { class: "plot-card" }, h("h2", {}, "Precision and recall"),
@@ -27,4 +30,24 @@ export async function show(view) {
     ...Object.entries(SCORES).map(([score, [title]]) => ({ title, number: true, cell: (one) =>
       h(one.report.overall[score] === best[score] ? "strong" : "span", {}, withInterval(one.report.overall[score], one.report.intervals[score])) })),
   ], found));
+}
+
+/** A page of its own with all of it, to keep or to send: made in the background, then saved. */
+function report(view, ids) {
+  const told = h("span", { class: "quiet", role: "status" });
+  const button = h("button", { type: "button", class: "secondary", onclick: async () => {
+    button.disabled = true;
+    try {
+      const task = await post("/v1/reports", { evaluations: ids });
+      const end = await follow(task.id, (now) => { told.textContent = taskWords(now); }, view.signal);
+      told.textContent = "";
+      if (end.state === "succeeded") await download(path`/v1/reports/${end.id}`, "comparison.html");
+      else notify(end.error ? explained(end.error) : "The report was cancelled.", { bad: true });
+    } catch (error) {
+      if (!view.signal.aborted) notify(explained(error), { bad: true });
+    } finally {
+      button.disabled = false;
+    }
+  } }, "Save as a report");
+  return [button, told];
 }
