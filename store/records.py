@@ -158,6 +158,7 @@ class StoredSkeleton:
     """The pruned skeleton, the first eigenvalues at unit area, and the blobs of the two meshes (PLY).
 
     display_sha256, thumbnail_sha256: the blobs that a page draws, None in descriptions of before they were made.
+    limbs: the skeleton whose endpoints ``extended`` matches; None where that is not kept.
     """
 
     shape_id: str
@@ -169,6 +170,7 @@ class StoredSkeleton:
     denoised_sha256: str
     display_sha256: str | None
     thumbnail_sha256: str | None
+    limbs: Skeleton | None
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ Arrays are kept little endian, so that a database can move between machines.
 from __future__ import annotations
 
 import dataclasses
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -39,7 +38,6 @@ BLOBS = ("cleaned", "denoised", "display", "thumbnail")
 """What is kept of a shape beside its upload: the meshes (PLY), a light one (GLB) and a picture (PNG) for pages."""
 
 _MANY = 500  # ids in one statement
-_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +64,14 @@ def store_description(
     denoised_sha256: str,
     display_sha256: str | None = None,
     thumbnail_sha256: str | None = None,
+    limbs: bytes | None = None,
     kept: Mapping[str, Kept] | None = None,
     refused: Mapping[str, Any] | None = None,
 ) -> Task:
     """Writes what a claimed describe task found, in place of what was known, and ends the task.
 
-    kept: of further descriptors by name; refused: why others found nothing to keep. Raises StaleClaim when the claim
-    is over; let it leave the transaction, so that nothing is written.
+    limbs: the skeleton of ``extended`` in bytes; kept: of further descriptors by name; refused: why others found
+    nothing to keep. Raises StaleClaim when the claim is over; let it leave the transaction, so that nothing is written.
     """
     if task.kind != "describe" or task.shape_id is None or task.collection_id is None:
         raise StaleClaim(f"Task {task.id} does not describe a shape.", task=task.id)
@@ -87,10 +86,10 @@ def store_description(
         "features": found.tobytes(), "revision": bump(conn),
     })  # fmt: skip
     _replace(conn, tables.skeleton, task.shape_id, {
-        **version, "graph": _graph_bytes(description.skeleton),
+        **version, "graph": description.skeleton.to_bytes(),
         "eigenvalues": np.ascontiguousarray(description.eigenvalues, dtype="<f8").tobytes(),
         "cleaned_sha256": cleaned_sha256, "denoised_sha256": denoised_sha256,
-        "display_sha256": display_sha256, "thumbnail_sha256": thumbnail_sha256,
+        "display_sha256": display_sha256, "thumbnail_sha256": thumbnail_sha256, "limbs": limbs,
     })  # fmt: skip
     _replace(conn, tables.health, task.shape_id, {
         **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
@@ -112,19 +111,21 @@ def skeleton(conn: Connection, shape_id: str) -> StoredSkeleton:
     """Raises ResultNotFound."""
     row = _row(conn, tables.skeleton, shape_id)
     return StoredSkeleton(
-        shape_id, row["profile_key"], row["pipeline_version"], _graph_of_bytes(row["graph"]),
+        shape_id, row["profile_key"], row["pipeline_version"], Skeleton.from_bytes(row["graph"]),
         np.frombuffer(row["eigenvalues"], dtype="<f8"), row["cleaned_sha256"], row["denoised_sha256"],
         row["display_sha256"], row["thumbnail_sha256"],
+        None if row["limbs"] is None else Skeleton.from_bytes(row["limbs"]),
     )  # fmt: skip
 
 
 def skeleton_value(
-    graph: Skeleton, omega: npt.NDArray[np.float64], eigenvalues: npt.NDArray[np.float64]
+    graph: Skeleton, omega: npt.NDArray[np.float64] | None, eigenvalues: npt.NDArray[np.float64]
 ) -> dict[str, Any]:
     """A skeleton as JSON. omega: of the endpoints in their order, (k, 3); none where the paths have no length."""
     nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
     edges = zip(graph.edges.tolist(), graph.lengths.tolist(), strict=True)
-    rows = omega.tolist() if len(omega) == len(graph.endpoints) else [None] * len(graph.endpoints)
+    known = omega is not None and len(omega) == len(graph.endpoints)
+    rows = omega.tolist() if omega is not None and known else [None] * len(graph.endpoints)
     return {
         "nodes": [{"position": p, "area": a, "band": b} for p, a, b in nodes],
         "edges": [{"nodes": pair, "length": length} for pair, length in edges],
@@ -216,14 +217,3 @@ def _replace(conn: Connection, table: Table, shape_id: str, values: dict[str, An
         insert(conn, table).values(row).on_conflict_do_update(index_elements=keys, set_=changed)
     )  # fmt: skip
 
-
-def _graph_bytes(graph: Skeleton) -> bytes:
-    file = io.BytesIO()
-    arrays = {name: getattr(graph, name) for name in _ARRAYS}
-    np.savez_compressed(file, allow_pickle=False, root=np.int64(graph.root), **arrays)
-    return file.getvalue()
-
-
-def _graph_of_bytes(stored: bytes) -> Skeleton:
-    with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-        return Skeleton(**{name: arrays[name] for name in _ARRAYS}, root=int(arrays["root"]))

@@ -245,6 +245,8 @@ skeleton = Table(
     # before they were made.
     Column("thumbnail_sha256", Text),
     Column("display_sha256", Text),
+    # The skeleton whose endpoints `extended` matches, as npz; none where that is not kept.
+    Column("limbs", LargeBinary),
     CheckConstraint("length(cleaned_sha256) = 64", name="skeleton_cleaned_sha256_length"),
     CheckConstraint("length(denoised_sha256) = 64", name="skeleton_denoised_sha256_length"),
     CheckConstraint(

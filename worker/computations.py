@@ -40,14 +40,15 @@ def describe(
 ) -> dict[str, Any]:
     """Read the mesh in ``source`` and walk the pipeline.
 
-    arguments: ``format`` (or None: sniffed), ``profile``, ``limits``. outputs: ``description`` (a saved
-    Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY,
-    the latter with the field as ``phi2``), what a page draws: ``display`` (GLB) and ``thumbnail`` (PNG), and ``kept``:
-    what the argument ``descriptors`` keep of it, and what duplicates are sought by where it names ``duplicates``.
+    arguments: ``format`` (or None: sniffed), ``profile``, ``limits``, ``descriptors``. outputs: ``description`` (a
+    saved Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY, the
+    latter with the field as ``phi2``); what a page draws: ``display`` (GLB), ``thumbnail`` (PNG) and ``limbs`` (the
+    skeleton of ``extended``, empty where that keeps nothing); and ``kept``: what the descriptors keep of it, and what
+    duplicates are sought by where they name ``duplicates``.
     Answers which of these could not describe the mesh, as ``refused``.
     """
     from reebase import pipeline
-    from reebase.descriptors import DESCRIPTORS, kept, surface_of
+    from reebase.descriptors import DESCRIPTORS, kept, limb_skeleton, surface_of
     from reebase.duplicates import signature
     from reebase.mesh.read import Limits
     from reebase.mesh.write import to_bytes
@@ -64,7 +65,10 @@ def describe(
         progress("descriptors", 0.9)
         start = time.perf_counter()
         names = list(arguments["descriptors"])
-        found, refused = kept.keep(surface_of(description), [name for name in names if name in DESCRIPTORS])
+        surface = surface_of(description)
+        found, refused = kept.keep(surface, [name for name in names if name in DESCRIPTORS])
+        if "limbs" in outputs and "extended" in found:
+            outputs["limbs"].write(limb_skeleton(surface).to_bytes())
         if "duplicates" in names:
             found["duplicates"] = kept.Kept(signature(description.cleaned)[None].astype(np.float32))
         kept.save(outputs["kept"], found)

@@ -203,6 +203,7 @@ def _skeleton(*, pictures: bool) -> None:
         sa.Column("cleaned_sha256", sa.Text(), nullable=False),
         sa.Column("denoised_sha256", sa.Text(), nullable=False),
         *(sa.Column(name, sa.Text(), nullable=True) for name in names),
+        *([sa.Column("limbs", sa.LargeBinary(), nullable=True)] if pictures else []),
         sa.PrimaryKeyConstraint("shape_id"),
         sa.CheckConstraint("length(cleaned_sha256) = 64", name="skeleton_cleaned_sha256_length"),
         sa.CheckConstraint("length(denoised_sha256) = 64", name="skeleton_denoised_sha256_length"),

@@ -239,9 +239,12 @@ class Client:
 
     # -- what was learnt of a shape. All raise ServiceError: ``result_not_found`` until it is indexed.
 
-    def skeleton(self, collection: str, shape: str) -> Skeleton:
-        """The pruned skeleton of a shape. One-ring areas are not sent: ``ring_areas`` is NaN."""
-        return self._get(_skeleton_of, _shape(collection, shape) + "/skeleton")
+    def skeleton(self, collection: str, shape: str, *, of: str = "srg") -> Skeleton:
+        """The pruned skeleton of a shape; of="extended": the one whose endpoints ``extended`` matches, in its order.
+
+        One-ring areas are not sent: ``ring_areas`` is NaN.
+        """
+        return self._get(_skeleton_of, f"{_shape(collection, shape)}/skeleton?of={quote(of, safe='')}")
 
     def field(self, collection: str, shape: str) -> npt.NDArray[np.float64]:
         """phi_2 at each vertex of the denoised mesh, (m,); NaN off its largest component."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = ["Skeleton"]
+
+
+_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +56,19 @@ class Skeleton:
         np.add.at(reach, edges.ravel(), np.repeat(lengths, 2))
         endpoints = ends[np.lexsort((ends, -reach[ends], -areas[ends]))].astype(np.int32)
         return cls(positions, areas, ring_areas, bands, edges, lengths, endpoints, root)
+
+    def to_bytes(self) -> bytes:
+        """The arrays as one ``.npz`` archive."""
+        file = io.BytesIO()
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        np.savez_compressed(file, allow_pickle=False, root=np.int64(self.root), **arrays)
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, stored: bytes) -> Skeleton:
+        """The inverse of ``to_bytes``; nothing is unpickled."""
+        with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
+            return cls(**{name: arrays[name] for name in _ARRAYS}, root=int(arrays["root"]))
 
     @property
     def centroid(self) -> npt.NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Path, Query
 from sqlalchemy import Connection
@@ -21,6 +21,7 @@ __all__ = [
     "IdPath",
     "IdempotencyKey",
     "PageSize",
+    "SkeletonOf",
     "api_router",
     "open_collection",
 ]
@@ -29,6 +30,9 @@ CollectionPath = Annotated[
     str, Path(alias="collection", description="Name of the collection.", examples=["animals"])
 ]
 IdPath = Annotated[str, Path(examples=["0199b4c0-7d5e-7000-8000-2f6f3a9f0001"])]
+SkeletonOf = Annotated[
+    Literal["srg", "extended"], Query(description="The descriptor that matches the skeleton's endpoints.")
+]
 PageSize = Annotated[int, Query(alias="limit", ge=1, le=MAX_PAGE, description="Items on a page.")]
 Cursor = Annotated[
     str | None,

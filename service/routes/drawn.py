@@ -15,7 +15,7 @@ from reebase.errors import unknown_name
 from service.auth import Principal, Reader
 from service.conditional import unless_unchanged
 from service.context import Context, Here
-from service.routes.common import CollectionPath, IdPath, api_router, open_collection
+from service.routes.common import CollectionPath, IdPath, SkeletonOf, api_router, open_collection
 from service.routes.tasks import visible_task
 from service.schemas.drawn import FieldInfo, FieldsValue
 from service.schemas.shapes import SkeletonValue
@@ -28,7 +28,8 @@ __all__ = ["router"]
 router = api_router("results")
 
 _SHAPE = "/collections/{collection}/shapes/{shape}"
-_TYPES = {"thumbnail": "image/png", "display": "model/gltf-binary", "skeleton": "application/json"}
+_JSON = "application/json"
+_TYPES = {"thumbnail": "image/png", "display": "model/gltf-binary", "skeleton": _JSON, "limbs": _JSON}
 
 
 def _responses(media_type: str, description: str) -> dict[int | str, dict[str, Any]]:
@@ -162,6 +163,8 @@ def get_task_display(request: Request, here: Here, principal: Reader, task: IdPa
     "/tasks/{task}/skeleton", operation_id="getTaskSkeleton", summary="Skeleton of a query's mesh",
     response_model=SkeletonValue,
 )  # fmt: skip
-def get_task_skeleton(request: Request, here: Here, principal: Reader, task: IdPath) -> Response:
+def get_task_skeleton(
+    request: Request, here: Here, principal: Reader, task: IdPath, of: SkeletonOf = "srg"
+) -> Response:
     """As that of a shape, for the mesh that a query brought; kept as long as the task."""
-    return _of_task(request, here, principal, task, "skeleton")
+    return _of_task(request, here, principal, task, "skeleton" if of == "srg" else "limbs")

@@ -14,9 +14,10 @@ from service.conditional import unless_unchanged
 from service.context import Context, Here
 from service.downloads import file_response
 from service.routes.about import WRITTEN
-from service.routes.common import CollectionPath, IdPath, api_router, open_collection
+from service.routes.common import CollectionPath, IdPath, SkeletonOf, api_router, open_collection
 from service.schemas.shapes import FeaturesValue, FieldValue, HealthValue, SkeletonValue
 from store import results, shapes
+from store.errors import ResultNotFound
 from store.records import Shape, StoredSkeleton
 
 __all__ = ["router"]
@@ -51,15 +52,26 @@ def _skeleton(
 @router.get(
     f"{_SHAPE}/skeleton", operation_id="getSkeleton", summary="Skeleton", response_model=SkeletonValue
 )
-def get_skeleton(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> Response:
-    """Nodes, edges, endpoints with their ω, and the root, of the pruned spectral Reeb graph."""
+def get_skeleton(
+    here: Here, principal: Reader, collection: CollectionPath, shape: IdPath, of: SkeletonOf = "srg"
+) -> Response:
+    """Nodes, edges, endpoints with their ω, and the root, of the pruned spectral Reeb graph.
+
+    `of=extended`: of the Reeb graph of the auto diffusion field; its endpoints, without ω, are those that `extended`
+    matches, in their order.
+    """
     with here.database.read() as conn:
         found = shapes.get(conn, open_collection(conn, principal, collection).id, shape)
         stored = results.skeleton(conn, found.id)
-        omega = results.features(conn, found.id).features
+        omega = results.features(conn, found.id).features if of == "srg" else None
+    graph = stored.skeleton if of == "srg" else stored.limbs
+    if graph is None:
+        raise ResultNotFound(
+            "No skeleton of `extended` is kept of the shape: it was described without that descriptor.", shape=found.id
+        )
     return _json({
         "shape": found.id, "profile_key": stored.profile_key, "pipeline_version": stored.pipeline_version,
-        **results.skeleton_value(stored.skeleton, omega, stored.eigenvalues),
+        **results.skeleton_value(graph, omega, stored.eigenvalues),
     })  # fmt: skip
 
 

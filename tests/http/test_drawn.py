@@ -68,6 +68,20 @@ def test_fields_are_listed_and_given_as_numbers(http: httpx.Client, shape: str) 
     is_problem(http.get(f"{shape}/fields/colour"), 422, "unknown_name")
 
 
+def test_the_skeleton_of_extended_ends_where_extended_matches(http: httpx.Client, shape: str) -> None:
+    skeleton = http.get(f"{shape}/skeleton", params={"of": "extended"}).json()
+    collection = shape.partition("/shapes/")[0]
+    asked = http.post(f"{collection}/query", content=to_bytes(MESH, "ply"), params={"descriptor": "extended"})
+    matched = asked.json()["hits"][0]["parts"][0]["matched"]
+    assert len(skeleton["endpoints"]) == len(matched["positions"]) >= 2
+    ends = np.array([skeleton["nodes"][end["node"]]["position"] for end in skeleton["endpoints"]])
+    # A node is the centroid of its band, so it lies within the limb, not at the very tip.
+    assert np.linalg.norm(ends - matched["positions"], axis=1).max() < 1.0
+    distances = np.linalg.norm(ends[:, None] - np.array(matched["positions"])[None], axis=2)
+    assert distances.argmin(axis=1).tolist() == list(range(len(ends)))
+    is_problem(http.get(f"{shape}/skeleton", params={"of": "ghost"}), 422, "validation_error")
+
+
 def test_the_mesh_of_a_query_is_drawn_as_long_as_its_task_is_kept(http: httpx.Client, shape: str) -> None:
     collection = shape.partition("/shapes/")[0]
     mesh = moved(MESH, (1, 2, 3), seed=5)
@@ -79,6 +93,7 @@ def test_the_mesh_of_a_query_is_drawn_as_long_as_its_task_is_kept(http: httpx.Cl
     assert len(points) == len(mesh.vertices)
     skeleton = http.get(f"{task}/skeleton").json()
     assert skeleton["shape"] is None and len(skeleton["endpoints"]) == 2
+    assert len(http.get(f"{task}/skeleton", params={"of": "extended"}).json()["endpoints"]) >= 2
     nodes = np.array([node["position"] for node in skeleton["nodes"]])
     centre = np.array(document["nodes"][0]["translation"])
     assert (np.abs(nodes - centre) <= np.abs(points).max(axis=0) + 1e-6).all()

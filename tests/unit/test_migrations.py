@@ -124,7 +124,7 @@ def test_the_second_schema_keeps_what_the_first_held(url: str) -> None:
     assert [row["key"] for row in after.pop("idempotency")] == ["key"]
     added: dict[str, dict[str, str | None]] = {
         "collection": {"profile": '{"levels": "width"}'},
-        "shape": {"deleted_at": None}, "skeleton": {"thumbnail_sha256": None, "display_sha256": None},
+        "shape": {"deleted_at": None}, "skeleton": {"thumbnail_sha256": None, "display_sha256": None, "limbs": None},
     }  # fmt: skip
     assert after == {name: [{**row, **added.get(name, {})} for row in rows] for name, rows in before.items()}
     assert all(after.values())

@@ -1,15 +1,19 @@
 """Answer a query by an uploaded mesh: describe it under the collection's profile, then search.
 
 The upload is not kept: its blob belongs to the task alone, and once that ended the worker removes it. What a page
-draws beside the answer is kept as long as the task: a light mesh, a thumbnail and the skeleton.
+draws beside the answer is kept as long as the task: a light mesh, a thumbnail and the skeletons.
 """
 
 from __future__ import annotations
 
 import json
 
+import numpy as np
+import numpy.typing as npt
+
 from reebase.descriptors import kept
 from reebase.pipeline import PIPELINE_VERSION, Description
+from reebase.skeleton import Skeleton
 from store import collections, faults, outputs, results
 from store.answers import answer_query
 from store.query import Query, QuerySpec
@@ -30,7 +34,7 @@ def run(tools: Tools, claim: Claim) -> None:
     with tools.database.read() as conn:
         collection = collections.get(conn, spec.collection)
     with tools.described(
-        claim, task.blob, collection.profile, format=task.params.get("format"), outputs=_DRAWN,
+        claim, task.blob, collection.profile, format=task.params.get("format"), outputs=(*_DRAWN, "limbs"),
         descriptors=spec.descriptors,
     ) as finished:  # fmt: skip
         faults.point("worker.child_done")
@@ -38,7 +42,11 @@ def run(tools: Tools, claim: Claim) -> None:
         mesh = Query.of(description, found, finished.answer["refused"])
         with claim.kept():
             drawn = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in _DRAWN}
-            drawn["skeleton"] = tools.blobs.put_if_absent(_skeleton(description))
+            drawn["skeleton"] = tools.blobs.put_if_absent(
+                _skeleton(description, description.skeleton, description.features)
+            )
+            if limbs := finished.files["limbs"].read():
+                drawn["limbs"] = tools.blobs.put_if_absent(_skeleton(description, Skeleton.from_bytes(limbs)))
     claim.progress("search", 0.95)
     answer = answer_query(tools.database, tools.follower, spec, mesh)
     with tools.database.write() as conn:
@@ -46,9 +54,11 @@ def run(tools: Tools, claim: Claim) -> None:
     faults.point("worker.rows_committed")
 
 
-def _skeleton(description: Description) -> bytes:
+def _skeleton(
+    description: Description, graph: Skeleton, omega: npt.NDArray[np.float64] | None = None
+) -> bytes:
     value = {
         "shape": None, "profile_key": description.profile.key, "pipeline_version": PIPELINE_VERSION,
-        **results.skeleton_value(description.skeleton, description.features, description.eigenvalues),
+        **results.skeleton_value(graph, omega, description.eigenvalues),
     }  # fmt: skip
     return json.dumps(value, allow_nan=False).encode()
