@@ -1,19 +1,19 @@
-"""Denoising quality and speed: every registered filter on noisy/truth pairs, beside trimesh's in the same run.
+"""Denoising quality: every registered filter on noisy/truth pairs, beside other tools' filters in the same run.
 
-    ./run python benchmarks/denoising.py [FOLDER] [--methods mean taubin] [--iterations 1 5 10 20]
+    ./run python benchmarks/denoising.py [FOLDER] [--methods mean taubin] [--iterations 1 5 10 20] [--plots FOLDER]
 
 FOLDER has pairs.csv with columns noisy,truth; by default denoise-a, looked for under $REEBASE_DATA or ../shared/data.
-Where that is absent, one shape of each synthetic class gets noise of 0.1, 0.2 and 0.3 mean edge lengths along its
-normals. Prints the mean angle between the face normals of result and truth, in degrees and averaged over pairs, after
-each number of iterations; then, at the numbers that --details names, the face-normal error (3.8), the visual error
-(2.33) in squared mean edges, the mean distance of vertices to the true surface in percent of the bounding box's
-diagonal, the mean absolute change of volume in percent over closed truths, and nanoseconds of processor time per vertex
-and iteration, topology included. An iteration of a filter of normals is one round of several passes.
-Then `auto` stands beside each fixed filter at the number of iterations that serves it best: mean angle, E, the mean
-displacement in mean edges, the change of volume, and the angle by kind of shape where pairs.csv has a column kind;
-below it bootstrap intervals over shapes of auto's angle and of what the best three leave more, and its choices.
-On denoise-a a second row states what a prototype of the same reading, or other implementations of the same paper at
-the same setting, measured; the script exits 1 when ours is more than 0.3 degrees off (or, for the latter, worse).
+Where that is absent, the shapes of ``noisy_shapes.py``. Prints, averaged over pairs and after each number of
+iterations: the mean angle between the face normals of result and truth, and the same within one ring of edges above 60
+degrees; the face-normal error (3.8); the visual error (2.33) in squared mean edges; the mean displacement in mean
+edges; the mean distance of vertices to the true surface in percent of the diagonal; the mean absolute change of volume
+in percent over closed truths; nanoseconds of processor time per vertex and iteration, topology included. An iteration
+of a filter of normals is one round of several passes. --plots draws the errors over the iterations, as the thesis's
+Figures 2.8-2.9 and 3.14-3.16 do. Then `auto` stands beside each fixed filter at the number of iterations that serves it
+best, with the angle by kind of shape; below it bootstrap intervals over shapes of auto's angle and of what the best
+three leave more, and its choices. On denoise-a a row states what a prototype of the same reading, or other
+implementations of the same paper at the same setting, measured; the script exits 1 when ours is more than 0.3 degrees
+off (or worse).
 """
 
 from __future__ import annotations
@@ -29,21 +29,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from denoising_peers import peers
+from noisy_shapes import noisy_pairs
 
-from reebase.denoise import (
-    METHODS,
-    add_noise,
-    choose,
-    denoise,
-    face_normal_error,
-    mean_angle,
-    vertex_error,
-    visual_error,
-    volume_change,
-)
-from reebase.errors import MeshError
-from reebase.evaluation.synthetic import CLASSES, synthetic_shape
-from reebase.mesh.geometry import mean_edge_length
+from reebase.denoise import METHODS, choose, denoise, mean_angle, measure_errors
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read import read
 
@@ -57,6 +46,9 @@ EXPECTED = {
 }
 """Mean angle on denoise-a by iterations: finite_volume by a prototype, the others by implementations in C++."""
 TOLERANCE = 0.3
+COLUMNS = ("angle", "at edges", "E (3.8)", "visual", "disp", "dist %", "volume %")
+ONCE = ("auto", "l0", "meshlib by normals")
+"""Methods that settle everything in one iteration."""
 
 Pair = tuple[str, Mesh, Mesh]
 Run = Callable[[Mesh, int], Mesh]
@@ -75,67 +67,24 @@ def kinds_in(folder: Path) -> list[str]:
         return [row["kind"] for row in csv.DictReader(lines) if row.get("kind")]
 
 
-def synthetic_pairs() -> list[Pair]:
-    """A shape of each synthetic class at three strengths of noise."""
-    found = []
-    for number, label in enumerate(CLASSES):
-        truth = synthetic_shape(label, 0).mesh
-        for strength in (0.1, 0.2, 0.3):
-            noisy = add_noise(truth, strength, seed=number)
-            found.append((f"{label} {strength}", noisy, truth))
-    return found
-
-
 def ours(name: str, boundary: str) -> Run:
     """A registered filter at its defaults."""
     return lambda mesh, iterations: denoise(mesh, name, iterations, boundary=boundary)
 
 
-def peers() -> dict[str, Run]:
-    """trimesh's filters at their defaults, where trimesh is installed."""
-    try:
-        import trimesh
-        from trimesh import smoothing
-    except ImportError:
-        return {}
-
-    def run(smooth: Callable[..., object], mesh: Mesh, iterations: int) -> Mesh:
-        copy = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
-        smooth(copy, iterations=iterations)
-        return Mesh(np.array(copy.vertices), mesh.faces)
-
-    return {
-        f"trimesh {name}": lambda mesh, iterations, smooth=smooth: run(smooth, mesh, iterations)
-        for name, smooth in (
-            ("laplacian", smoothing.filter_laplacian),
-            ("taubin", smoothing.filter_taubin),
-            ("humphrey", smoothing.filter_humphrey),
-        )
-    }
-
-
-def volume_changes(pairs: list[Pair], results: list[Mesh]) -> list[float]:
-    """Absolute change of volume of each result whose truth is closed, in percent."""
-    found = []
-    for (_, _, truth), result in zip(pairs, results, strict=True):
-        try:
-            found.append(abs(volume_change(truth, result)))
-        except MeshError:
-            continue
-    return found
-
-
-def angle_table(runs: dict[str, Run], pairs: list[Pair], iterations: list[int]) -> dict[str, list[float]]:
-    """Mean angles of each run after each number of iterations, printed row by row."""
-    print("mean angle, degrees".ljust(28), *(f"x{count}".rjust(7) for count in iterations))
-    rows = {}
-    for name, run in runs.items():
-        rows[name] = [
-            float(np.mean([mean_angle(truth, run(noisy, count)) for _, noisy, truth in pairs]))
-            for count in iterations
+def means(pairs: list[Pair], results: list[Mesh]) -> list[float]:
+    """Each measure of COLUMNS, averaged over the pairs that have it."""
+    found = [measure_errors(truth, result) for (_, _, truth), result in zip(pairs, results, strict=True)]
+    rows = [
+        [
+            one.mean_angle, one.edge_angle, one.face_normal_error, one.visual_error, one.displacement,
+            100 * one.vertex_error, None if one.volume_change is None else abs(one.volume_change),
         ]
-        print(name.ljust(28), *(f"{angle:7.2f}" for angle in rows[name]), flush=True)
-    return rows
+        for one in found
+    ]  # fmt: skip
+    table = np.array(rows, dtype=float)
+    counts = np.isfinite(table).sum(axis=0)
+    return [float(np.nansum(one) / count) if count else np.nan for one, count in zip(table.T, counts, strict=True)]
 
 
 def expected_row(name: str, found: list[float], iterations: list[int]) -> float:
@@ -148,26 +97,37 @@ def expected_row(name: str, found: list[float], iterations: list[int]) -> float:
     return float(np.nanmax(np.abs(over) if name == "finite_volume" else over))
 
 
-def detail_table(runs: dict[str, Run], pairs: list[Pair], iterations: list[int]) -> None:
+def detail_table(runs: dict[str, Run], pairs: list[Pair], iterations: list[int]) -> dict[str, list[list[float]]]:
     """Every measure, and the time, of each run after each number of iterations."""
     vertices = sum(len(noisy.vertices) for _, noisy, _ in pairs)
-    heads = ("angle", "E (3.8)", "visual", "dist %", "volume %", "ns/v/it")
-    print("\nall measures".ljust(29), *(head.rjust(9) for head in heads))
+    print("all measures".ljust(28), *(head.rjust(9) for head in (*COLUMNS, "ns/v/it")))
+    print("noisy".ljust(28), *(f"{value:9.3f}" for value in means(pairs, [noisy for _, noisy, _ in pairs])))
+    found: dict[str, list[list[float]]] = {}
     for name, run in runs.items():
-        for count in iterations:
+        for count in iterations if name not in ONCE else iterations[:1]:
             start = time.process_time()
             results = [run(noisy, count) for _, noisy, _ in pairs]
             seconds = time.process_time() - start
-            both = [(truth, result) for (_, _, truth), result in zip(pairs, results, strict=True)]
-            values = (
-                np.mean([mean_angle(*pair) for pair in both]),
-                np.mean([face_normal_error(*pair) for pair in both]),
-                np.mean([visual_error(*pair) / mean_edge_length(pair[0]) ** 2 for pair in both]),
-                100 * np.mean([vertex_error(*pair) for pair in both]),
-                np.mean(volume_changes(pairs, results) or [np.nan]),
-            )
+            values = means(pairs, results)
+            found.setdefault(name, []).append(values)
             print(f"{name} x{count}".ljust(28), *(f"{value:9.3f}" for value in values), end=" ")
             print(f"{1e9 * seconds / vertices / count:9.0f}", flush=True)
+    return found
+
+
+def draw(found: dict[str, list[list[float]]], iterations: list[int], folder: Path) -> None:
+    """One plot a measure over the iterations."""
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for column, head in enumerate(COLUMNS):
+        figure = Figure(figsize=(8, 5), layout="constrained")
+        axes = figure.add_subplot()
+        for name, rows in found.items():
+            axes.plot(iterations[: len(rows)], [row[column] for row in rows], marker="o", markersize=3, label=name)
+        axes.set(xlabel="iterations", ylabel=head)
+        axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1, 0.5))
+        figure.savefig(folder / f"{''.join(c for c in head if c.isalnum())}.svg")
 
 
 def comparison(
@@ -176,20 +136,13 @@ def comparison(
     """auto once, and every other run at its best number of iterations: angle, E, displacement, volume, kinds."""
     groups = sorted(set(kinds))
     found: dict[str, np.ndarray] = {}
-    heads = ("angle", "E (3.8)", "disp", "volume %", *groups)
-    print("\nauto beside fixed filters".ljust(29), *(head[:9].rjust(9) for head in heads))
+    print("\nauto beside fixed filters".ljust(29), *(head[:9].rjust(9) for head in (*COLUMNS, *groups)))
     for name, run in sorted(runs.items(), key=lambda entry: entry[0] != "auto"):
-        count = 1 if name == "auto" else iterations[int(np.argmin(rows[name]))]
-        results = [run(noisy, count) for _, noisy, _ in pairs]
-        both = [(truth, result) for (_, _, truth), result in zip(pairs, results, strict=True)]
-        angles = np.array([mean_angle(*pair) for pair in both])
-        moved = [np.linalg.norm(r.vertices - t.vertices, axis=1).mean() / mean_edge_length(t) for t, r in both]
-        values = (
-            angles.mean(), np.mean([face_normal_error(*pair) for pair in both]), np.mean(moved),
-            np.mean(volume_changes(pairs, results) or [np.nan]),
-            *(angles[np.array(kinds) == group].mean() for group in groups),
-        )  # fmt: skip
-        print(f"{name} x{count}".ljust(28), *(f"{value:9.3f}" for value in values), flush=True)
+        best = int(np.argmin(rows[name]))
+        results = [run(noisy, iterations[best]) for _, noisy, _ in pairs]
+        angles = np.array([mean_angle(truth, result) for (_, _, truth), result in zip(pairs, results, strict=True)])
+        values = (*means(pairs, results), *(angles[np.array(kinds) == group].mean() for group in groups))
+        print(f"{name} x{iterations[best]}".ljust(28), *(f"{value:9.3f}" for value in values), flush=True)
         found[name] = angles
     if "auto" not in found:
         return
@@ -223,12 +176,16 @@ def main() -> int:
     parser.add_argument("folder", nargs="?", type=Path, default=DATA / "denoise-a")
     parser.add_argument("--methods", nargs="+", choices=list(METHODS), help="only these, and no peers")
     parser.add_argument("--iterations", nargs="+", type=int, default=[1, 5, 10, 20])
-    parser.add_argument("--details", nargs="*", type=int, default=[1, 5], help="iterations at which all is measured")
+    parser.add_argument("--plots", type=Path, help="draw the errors over the iterations into this folder")
     parser.add_argument("--boundary", default="curve")
     parser.add_argument("--each", action="store_true", help="also the angle of each pair by each filter")
     options = parser.parse_args()
     real = (options.folder / "pairs.csv").is_file()
-    pairs = pairs_in(options.folder) if real else synthetic_pairs()
+    if real:
+        pairs, kinds = pairs_in(options.folder), kinds_in(options.folder)
+    else:
+        own = list(noisy_pairs())
+        pairs, kinds = [(pair.name, pair.noisy, pair.truth) for pair in own], [pair.kind for pair in own]
     runs = {name: ours(name, options.boundary) for name in options.methods or METHODS}
     if not options.methods:
         runs |= peers()
@@ -237,17 +194,15 @@ def main() -> int:
 
     print(f"{len(pairs)} pairs of {options.folder.name if real else 'the synthetic set'},", end=" ")
     print(f"noisy {np.mean([mean_angle(truth, noisy) for _, noisy, truth in pairs]):.2f} degrees;", end=" ")
-    print(f"Python {platform.python_version()}, numpy {np.__version__}", end="")
-    if "trimesh" in sys.modules:
-        print(f", trimesh {sys.modules['trimesh'].__version__}", end="")
-    print("\n")
-    rows = angle_table(runs, pairs, options.iterations)
+    print(f"Python {platform.python_version()}, numpy {np.__version__}\n")
+    measured = detail_table(runs, pairs, options.iterations)
+    rows = {name: [values[0] for values in found] for name, found in measured.items()}
+    if options.plots:
+        draw(measured, options.iterations, options.plots)
     off = {}
     if options.folder.name == "denoise-a" and real:
         off = {name: expected_row(name, rows[name], options.iterations) for name in EXPECTED if name in rows}
-    comparison(runs, pairs, rows, options.iterations, kinds_in(options.folder) if real else [])
-    if options.details:
-        detail_table(runs, pairs, options.details)
+    comparison(runs, pairs, rows, options.iterations, kinds)
     if options.each:
         for method, run in runs.items():
             print(f"\n{method}, each pair".ljust(29), *(f"x{count}".rjust(7) for count in (0, *options.iterations)))

@@ -22,13 +22,13 @@ FloatArray = npt.NDArray[np.float64]
 BATCH = 2048
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def face_geometry(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Unit normals, (n, 3), zero without area; areas, (n,); centroids, (n, 3)."""
     normals, centroids = np.zeros((len(faces), 3)), np.empty((len(faces), 3))
     areas = np.empty(len(faces))
     for t in range(len(faces)):
-        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        i, j, k = np.uint32(faces[t, 0]), np.uint32(faces[t, 1]), np.uint32(faces[t, 2])
         x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
         ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
         vx, vy, vz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
@@ -43,7 +43,7 @@ def face_geometry(positions: FloatArray, faces: IntArray) -> tuple[FloatArray, F
     return normals, areas, centroids
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def around_faces(faces: IntArray, corner_starts: IntArray, corners: IntArray) -> tuple[IntArray, IntArray]:
     """The other faces that share a vertex with each face, in compressed rows.
 
@@ -51,28 +51,28 @@ def around_faces(faces: IntArray, corner_starts: IntArray, corners: IntArray) ->
     another vertex as well.
     """
     count = len(faces)
+    most = 0
+    for v in range(len(corner_starts) - 1):
+        size = corner_starts[v + 1] - corner_starts[v]
+        most += size * size if size <= CROWD else 0
     mark = np.full(count, -1, dtype=np.int32)
-    starts = np.zeros(count + 1, dtype=np.int32)
-    rows = np.empty(0, dtype=np.int32)
-    for writing in range(2):
-        if writing:
-            rows = np.empty(starts[count], dtype=np.int32)
-            mark[:] = -1
-        position = 0
-        for t in range(count):
-            mark[t] = t
-            for corner in range(3):
-                v = faces[t, corner]
-                if corner_starts[v + 1] - corner_starts[v] > CROWD:
-                    continue
-                for k in range(corner_starts[v], corner_starts[v + 1]):
-                    other = corners[k] // 3
-                    if mark[other] != t:
-                        mark[other] = t
-                        if writing:
-                            rows[position] = other
-                        position += 1
-            starts[t + 1] = position
+    starts, rows = np.zeros(count + 1, dtype=np.int32), np.empty(most, dtype=np.int32)
+    position = 0
+    for t in range(count):
+        mark[t] = t
+        for corner in range(3):
+            w = np.uint32(faces[t, corner])
+            begin, end = np.uint32(corner_starts[w]), np.uint32(corner_starts[w + np.uint32(1)])
+            if end - begin > CROWD:
+                continue
+            for k in range(begin, end):
+                other = np.uint32(corners[k] // 3)
+                # Written either way, and kept if it is new: that is as good as random.
+                rows[position] = other
+                position += mark[other] != t
+                mark[other] = t
+        starts[t + 1] = position
+    rows = rows[:position].copy()
     return starts, rows
 
 
@@ -139,7 +139,7 @@ def median_normals(normals: FloatArray, areas: FloatArray, starts: IntArray, row
     return result
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def follow_normals(
     positions: FloatArray, faces: IntArray, normals: FloatArray, by_area: bool
 ) -> FloatArray:
@@ -149,7 +149,7 @@ def follow_normals(
     """
     result, totals = np.zeros((len(positions), 3)), np.zeros(len(positions))
     for t in range(len(faces)):
-        i, j, k = faces[t, 0], faces[t, 1], faces[t, 2]
+        i, j, k = np.uint32(faces[t, 0]), np.uint32(faces[t, 1]), np.uint32(faces[t, 2])
         x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
         ux, uy, uz = positions[j, 0] - x, positions[j, 1] - y, positions[j, 2] - z
         vx, vy, vz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
@@ -162,16 +162,16 @@ def follow_normals(
         third = (u + v) / 3.0
         for corner in range(3):
             height = third if corner == 0 else third - u if corner == 1 else third - v
-            w = faces[t, corner]
+            w = np.uint32(faces[t, corner])
             totals[w] += weight
             result[w, 0] += weight * height * mx
             result[w, 1] += weight * height * my
             result[w, 2] += weight * height * mz
-    for w in range(len(positions)):
-        if totals[w] > 0.0:
-            result[w, 0] /= totals[w]
-            result[w, 1] /= totals[w]
-            result[w, 2] /= totals[w]
+    for vertex in range(len(positions)):
+        if totals[vertex] > 0.0:
+            result[vertex, 0] /= totals[vertex]
+            result[vertex, 1] /= totals[vertex]
+            result[vertex, 2] /= totals[vertex]
     return result
 
 
@@ -248,15 +248,15 @@ def bilateral_weights(
     return weights
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def normals_above(normals: FloatArray, starts: IntArray, rows: IntArray, threshold: float) -> FloatArray:
     """sum_s max(0, n_s . n_t - threshold)^2 n_s over each row and t itself, at length 1, (n, 3)."""
     result = normals.copy()
     for t in range(len(normals)):
         own = (1.0 - threshold) ** 2
         x, y, z = own * normals[t, 0], own * normals[t, 1], own * normals[t, 2]
-        for k in range(starts[t], starts[t + 1]):
-            s = rows[k]
+        for k in range(np.uint32(starts[t]), np.uint32(starts[t + 1])):
+            s = np.uint32(rows[k])
             product = normals[s, 0] * normals[t, 0] + normals[s, 1] * normals[t, 1] + normals[s, 2] * normals[t, 2]
             weight = max(0.0, product - threshold) ** 2
             x += weight * normals[s, 0]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from reebase.denoise.exponential_kernels import FAST
 
 __all__ = ["laplacian_step"]
 
 
-@njit(cache=True, nogil=True)
+@FAST
 def laplacian_step(
     positions: npt.NDArray[np.float64], starts: npt.NDArray[np.int32], neighbours: npt.NDArray[np.int32],
     step: float,
@@ -22,8 +23,9 @@ def laplacian_step(
         if degree == 0:
             continue
         x, y, z = 0.0, 0.0, 0.0
-        for k in range(starts[i], starts[i + 1]):
-            j = neighbours[k]
+        # A signed index costs a test whether it counts from the end.
+        for k in range(np.uint32(starts[i]), np.uint32(starts[i + 1])):
+            j = np.uint32(neighbours[k])
             x += positions[j, 0] - positions[i, 0]
             y += positions[j, 1] - positions[i, 1]
             z += positions[j, 2] - positions[i, 2]
