@@ -24,7 +24,11 @@ export async function show(view) {
       picker("Pick a mesh", ([file]) => askByFile(collection, file), { multiple: false })));
     return;
   }
-  const asked = await (shape ? byShape(view, shape) : byTask(view, task, results));
+  const asked = await (shape ? byShape(view, shape) : byTask(view, task, results)).catch((error) => {
+    if (!error.details?.descriptors) throw error;
+    view.title("Find similar");
+    view.root.append(heading(collection, "Find similar"), lacking(view, error));
+  });
   if (!asked || view.signal.aborted) return;
   const { answer, name, source } = asked;
   view.title(`Like ${name}`);
@@ -125,17 +129,27 @@ function nothing(view, answer) {
     h("button", { type: "button", onclick: () => go(withQuery(location.pathname, { ...view.query, tolerance: "any" }), { replace: true }) }, "Allow any number"));
 }
 
+/** The shape that asks lacks what ranks: it was described before this was kept. */
+function lacking(view, error) {
+  return empty("This shape was described before this comparison existed", error.message,
+    h("button", { type: "button", onclick: () => describeAgain(view) }, "Describe such shapes again"),
+    h("button", { type: "button", class: "secondary", onclick: () =>
+      go(withQuery(location.pathname, { shape: view.query.shape, descriptor: "srg" }), { replace: true }) }, "Compare by the skeleton alone"));
+}
+
+async function describeAgain(view) {
+  try {
+    const { queued } = await post(path`/v1/collections/${view.params.collection}/reindex`);
+    notify(`${count(queued, "shape")} will be described again.`);
+  } catch (error) {
+    notify(explained(error), { bad: true });
+  }
+}
+
 /** Shapes that lack what ranks: why, and how they get it. */
 function leftOut(view, left) {
   return h("p", { class: "flag" }, `${count(left.shapes, "shape")} left out. ${left.detail} `, left.code === "without_descriptor"
-    && h("button", { type: "button", class: "plain", onclick: async () => {
-      try {
-        const { queued } = await post(path`/v1/collections/${view.params.collection}/reindex`);
-        notify(`${count(queued, "shape")} will be described again.`);
-      } catch (error) {
-        notify(explained(error), { bad: true });
-      }
-    } }, "Describe them again"));
+    && h("button", { type: "button", class: "plain", onclick: () => describeAgain(view) }, "Describe them again"));
 }
 
 function card(query, hit, address, most, label, onclick) {
