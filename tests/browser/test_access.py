@@ -73,7 +73,8 @@ def test_the_whole_path_by_keyboard(opened: Opened, zoo: dict[str, str]) -> None
     page = opened("/").page
     expect(page.get_by_role("heading", name="Collections")).to_be_visible()
     page.keyboard.press("Tab")
-    page.keyboard.press("Enter")  # the skip link
+    page.keyboard.press("Enter")
+    expect(page.locator("#main")).to_be_focused()
     tab_to(page, "zoo")
     page.keyboard.press("Enter")
     page.wait_for_url("**/collections/zoo")

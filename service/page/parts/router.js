@@ -91,7 +91,10 @@ export function failure(error) {
 /** Follow links inside the page without loading it anew. */
 export function start() {
   history.scrollRestoration = "auto";
-  addEventListener("popstate", () => render({ moved: false }));
+  addEventListener("popstate", () => {
+    // A link to a place in the page, as the one that skips to the content, leaves the view as it is.
+    if (!location.hash) render({ moved: false });
+  });
   document.addEventListener("click", (event) => {
     const link = event.target.closest?.("a[href]");
     if (!link || event.defaultPrevented || event.button !== 0) return;
