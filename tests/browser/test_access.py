@@ -120,6 +120,13 @@ def test_the_title_and_the_focus_follow_the_view(opened: Opened, zoo: dict[str, 
     expect(page.get_by_role("navigation").get_by_role("link", name="Tasks")).to_have_attribute("aria-current", "")
     page.go_back()
     expect(page).to_have_title("zoo · Reebase")
+    page.keyboard.press("Tab")
+    page.get_by_role("link", name="Skip to the content").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("link", name="Tasks").click()
+    expect(page).to_have_title("Tasks · Reebase")
+    page.go_back()
+    expect(page).to_have_title("zoo · Reebase")
 
 
 def test_pictures_for_the_eye(opened: Opened, zoo: dict[str, str], tmp_path: Path) -> None:

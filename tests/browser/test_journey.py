@@ -64,7 +64,8 @@ def test_from_drop_to_an_explained_match(opened: Opened, zoo: dict[str, str], me
     expect(page.locator("#pair-summary")).to_contain_text("distance = ")
     expect(page.locator(".stage canvas")).to_be_visible()
     page.go_back()
-    expect(page).to_have_url(re.compile(r"/collections/zoo/?$|query\?task=[^&]+&name=[^&]+$"))
+    expect(page).to_have_url(re.compile(r"query\?task=[^&]+&name=[^&]+$"))
+    expect(page.locator("#compare")).to_be_hidden()
 
 
 def test_from_an_empty_service_by_one_click(opened: Opened, fresh: Served) -> None:

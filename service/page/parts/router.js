@@ -5,6 +5,9 @@ import { announce, empty, h } from "./dom.js";
 
 const routes = [];
 let leaving = null;
+let shown = null;
+
+const here = () => location.pathname + location.search;
 
 /** pattern: "/collections/:collection"; load: () => import of a module with `show(view)`; section: in the navigation. */
 export function route(pattern, section, load) {
@@ -35,6 +38,13 @@ export function go(address, { replace = false } = {}) {
 export function remember(values) {
   const query = Object.fromEntries(new URLSearchParams(location.search));
   history.replaceState(null, "", withQuery(location.pathname, { ...query, ...values }));
+  shown = here();
+}
+
+/** The same as a step of its own, which "back" undoes. */
+export function step(values) {
+  history.pushState(null, "", here());
+  remember(values);
 }
 
 export const reload = () => render({ moved: false });
@@ -42,6 +52,7 @@ export const reload = () => render({ moved: false });
 async function render({ moved }) {
   leaving?.abort();
   const left = (leaving = new AbortController());
+  shown = here();
   const main = document.getElementById("main");
   const found = routes.map((one) => [one, one.matcher.exec(location.pathname)]).find(([, match]) => match);
   for (const link of document.querySelectorAll("nav a[data-view]"))
@@ -93,7 +104,7 @@ export function start() {
   history.scrollRestoration = "auto";
   addEventListener("popstate", () => {
     // A link to a place in the page, as the one that skips to the content, leaves the view as it is.
-    if (!location.hash) render({ moved: false });
+    if (here() !== shown) render({ moved: false });
   });
   document.addEventListener("click", (event) => {
     const link = event.target.closest?.("a[href]");

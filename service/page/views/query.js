@@ -6,7 +6,7 @@ import { empty, field, h, notify, select } from "../parts/dom.js";
 import { picker } from "../parts/drop.js";
 import { follow } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
-import { failure, go, path, remember, withQuery } from "../parts/router.js";
+import { failure, go, path, remember, step, withQuery } from "../parts/router.js";
 import { choices } from "../parts/choices.js";
 import { matchings } from "../parts/matchings.js";
 import { count, digits, explained, flagWords, taskWords } from "../parts/words.js";
@@ -116,7 +116,7 @@ function fill(view, results, answer, source) {
     hits.length === 0 ? nothing(view, answer)
       : h("ol", { class: "cards hits" }, hits.map((hit) => card(query, hit, address, most, source.shape?.label, (event) => {
         event.preventDefault();
-        history.pushState(null, "", withQuery(location.pathname, { ...view.query, hit: hit.shape.id }));
+        step({ hit: hit.shape.id });
         explain(view, answer, hit, source);
       }))));
   const chosen = hits.find((hit) => hit.shape.id === view.query.hit);
@@ -179,7 +179,7 @@ async function explain(view, answer, hit, source) {
   place.hidden = false;
   const close = () => { mine.abort(); place.hidden = true; place.replaceChildren(); remember({ hit: null });
     for (const item of view.root.querySelectorAll("[data-chosen]")) { item.removeAttribute("data-chosen"); item.querySelector("a").focus(); } };
-  const step = (by) => {
+  const beside = (by) => {
     const next = answer.hits[hit.rank - 1 + by];
     return h("button", { type: "button", class: "secondary", disabled: !next, "aria-label": by < 0 ? "The hit before" : "The next hit", onclick: () => {
       remember({ hit: next.shape.id });
@@ -188,7 +188,7 @@ async function explain(view, answer, hit, source) {
   };
   try {
     const { showPair } = await import("./pair.js");
-    await showPair({ place, answer, hit, source, collection: view.params.collection, signal: mine.signal, close, steps: [step(-1), step(1)] });
+    await showPair({ place, answer, hit, source, collection: view.params.collection, signal: mine.signal, close, steps: [beside(-1), beside(1)] });
     if (!mine.signal.aborted) place.scrollIntoView({ block: "start", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
   } catch (error) {
     if (!mine.signal.aborted) place.replaceChildren(failure(error));
