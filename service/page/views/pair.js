@@ -81,7 +81,8 @@ function chooser(ways, show) {
 async function drawable(address, signal) {
   const skeleton = await getIfThere(`${address}/skeleton`, signal);
   if (!skeleton) return null;
-  return { skeleton, mesh: await loadDisplay(address, signal) };
+  const [limbs, mesh] = await Promise.all([getIfThere(`${address}/skeleton?of=extended`, signal), loadDisplay(address, signal)]);
+  return { skeletons: { srg: skeleton, extended: limbs }, mesh };
 }
 
 function summary(name, way, rows) {
@@ -135,12 +136,13 @@ class Pair {
 
   /** Mark the endpoints of a matching and join those that went together. */
   match(way, rows) {
-    const own = ({ skeleton }) => skeleton.endpoints.map((endpoint) => skeleton.nodes[endpoint.node].position);
+    const own = ({ skeletons: { srg } }) => srg.endpoints.map((endpoint) => srg.nodes[endpoint.node].position);
     const places = way.positions ?? { query: own(this.query), hit: own(this.other) };
     this.#turnAlike(places, way.pairs);
-    for (const [surface, { skeleton }] of [[this.left, this.query], [this.right, this.other]]) {
-      surface.addSkeleton(skeleton, ink());
-      surface.bones.visible = way.positions === null;
+    for (const [surface, { skeletons }] of [[this.left, this.query], [this.right, this.other]]) {
+      const skeleton = skeletons[way.name] ?? null;
+      surface.addSkeleton(skeleton ?? skeletons.srg, ink());
+      surface.bones.visible = skeleton !== null;
     }
     const marks = [];
     const links = [];
