@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Connection, Select, exists, func, literal, or_, select, tuple_
+from sqlalchemy import ColumnElement, Connection, Select, func, literal, or_, select, tuple_
 from sqlalchemy import delete as delete_from
 from sqlalchemy import update as update_rows
 
@@ -30,7 +30,7 @@ from store.errors import InvalidCursor, ShapeExists, ShapeNotFound
 from store.records import Filters, Page, Shape
 from store.revision import bump
 from store.sql import canonical_json, cursor_beyond, insert, new_id, now, values_of_cursor
-from store.tables import collection, endpoint_features, health, present, shape_metadata, shape_tag, skeleton, tombstone
+from store.tables import described, endpoint_features, health, present, shape_metadata, shape_tag, skeleton, tombstone
 from store.tables import shape as table
 
 __all__ = [
@@ -232,9 +232,10 @@ def delete(conn: Connection, collection_id: str, shape_id: str) -> Shape:
 
 
 def restore(conn: Connection, collection_id: str, shape_id: str) -> Shape:
-    """Brings a deleted shape back as it was; one that is there is left as it is.
+    """Brings a deleted shape back; one that is there is left as it is.
 
-    It is queued to be described where its description was cut off or is of another profile. Raises
+    What is described under the collection's present profile is indexed; else it is queued to be described, unless
+    that failed. Raises
     ShapeNotFound once it is purged, ShapeExists when its bytes were uploaded again meanwhile.
     """
     named = _named(collection_id, shape_id)
@@ -252,7 +253,10 @@ def restore(conn: Connection, collection_id: str, shape_id: str) -> Shape:
     # A new revision, so that the indexes in memory take it up again.
     mine = update_rows(endpoint_features).where(endpoint_features.c.shape_id == shape_id)
     conn.execute(mine.values(revision=bump(conn)))
-    if found.state != "failed" and not _described(conn, shape_id):
+    # It may have been deleted while it was described anew.
+    if conn.execute(update_rows(table).where(*named, described).values(state="indexed")).rowcount:
+        return get(conn, collection_id, shape_id)
+    if found.state != "failed":
         tasks.enqueue(conn, "describe", collection_id=collection_id, shape_id=shape_id)
     return get(conn, collection_id, shape_id)
 
@@ -264,17 +268,6 @@ def purge(conn: Connection, keep_seconds: float) -> int:
 
 def _named(collection_id: str, shape_id: str) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
     return table.c.id == shape_id, table.c.collection_id == collection_id
-
-
-def _described(conn: Connection, shape_id: str) -> bool:
-    """Whether it is described under the present profile of its collection."""
-    up_to_date = (
-        exists()
-        .where(endpoint_features.c.shape_id == shape_id)
-        .where(collection.c.id == endpoint_features.c.collection_id)
-        .where(collection.c.profile_key == endpoint_features.c.profile_key)
-    )
-    return bool(conn.execute(select(up_to_date)).scalar_one())
 
 
 def _filtered(query: Select[Any], collection_id: str, filters: Filters) -> Select[Any]:

@@ -17,13 +17,14 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    exists,
     text,
 )
 
 from store.sql import BIG, DOUBLE, Json, Moment
 
 __all__ = [
-    "api_key", "collection", "descriptor", "endpoint_features", "evaluation", "health", "idempotency",
+    "api_key", "collection", "described", "descriptor", "endpoint_features", "evaluation", "health", "idempotency",
     "metadata", "present", "revision", "shape", "shape_metadata", "shape_tag", "skeleton", "task",
     "task_output", "tombstone",
 ]  # fmt: skip
@@ -227,6 +228,14 @@ endpoint_features = Table(
     Index("endpoint_features_revision", "collection_id", "revision"),
     sqlite_strict=True,
 )
+
+described = (
+    exists()
+    .where(endpoint_features.c.shape_id == shape.c.id, collection.c.id == endpoint_features.c.collection_id)
+    .where(collection.c.profile_key == endpoint_features.c.profile_key)
+    .correlate(shape)
+)
+"""Whether a shape is described under the present profile of its collection, so that searches find it."""
 
 skeleton = Table(
     "skeleton",

@@ -16,7 +16,8 @@ In transactions of their own: ``DatabaseQueue(database, settings)``
   ``crashed(task, code, detail) -> queued|failed|cancelled|lost``, ``release(task) -> bool``,
   and those above as methods.
 
-The state of a shape follows its task in the same transaction.
+The state of a shape follows its task in the same transaction; what was described stays ``indexed`` when a
+description in its place is cancelled or fails.
 """
 
 from __future__ import annotations
@@ -25,7 +26,20 @@ from collections.abc import Collection as Some
 from collections.abc import Mapping
 from typing import Any, Literal, Protocol
 
-from sqlalchemy import ColumnElement, Connection, Update, and_, bindparam, exists, null, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Update,
+    and_,
+    bindparam,
+    case,
+    exists,
+    literal,
+    null,
+    or_,
+    select,
+    update,
+)
 from sqlalchemy.exc import IntegrityError
 
 from store.engine import Database
@@ -33,7 +47,7 @@ from store.errors import StaleClaim, TaskExists, TaskNotCancellable, TaskNotFoun
 from store.records import Page, Task, TaskKind
 from store.settings import Settings
 from store.sql import cursor_after, id_of_cursor, insert, new_id, now
-from store.tables import present
+from store.tables import described, present
 from store.tables import shape as shape_table
 from store.tables import task as table
 
@@ -215,7 +229,7 @@ def cancel_live(
 def retry(conn: Connection, task_id: str) -> Task:
     """Queues a failed or cancelled task again, as if it had never run.
 
-    Raises TaskNotFound, TaskNotRetryable (also when its shape or its uploaded query is gone).
+    Raises TaskNotFound, TaskNotRetryable (also when its shape or its upload is gone).
     """
     task = get(conn, task_id)
     if task.state not in ("failed", "cancelled"):
@@ -223,7 +237,9 @@ def retry(conn: Connection, task_id: str) -> Task:
             f"The task is {task.state}; only failed and cancelled ones are retried.", state=task.state
         )
     if task.blob is not None:
-        raise TaskNotRetryable("The mesh of a query is not kept after its task ended; send the query again.")
+        what = "The mesh to denoise is" if task.kind == "denoise" else "The mesh of a query is"
+        again = "it" if task.kind == "denoise" else "the query"
+        raise TaskNotRetryable(f"{what} not kept after its task ended; send {again} again.")
     if task.kind == "describe":
         if not conn.execute(select(exists().where(shape_table.c.id == task.shape_id, present))).scalar_one():
             raise TaskNotRetryable("The shape of this task was deleted.")
@@ -392,11 +408,14 @@ def _move(conn: Connection, change: Update) -> list[Task]:
         if task.kind == "describe":
             following.setdefault("indexed" if task.state == "succeeded" else task.state, []).append(task.id)
     for state, ids in following.items():
+        becomes: ColumnElement[str] = literal(state)
+        if state in ("failed", "cancelled"):
+            becomes = case((described, "indexed"), else_=becomes)
         for start in range(0, len(ids), _MANY):
             conn.execute(
                 update(shape_table)
-                .where(shape_table.c.task_id.in_(ids[start : start + _MANY]), shape_table.c.state != state)
-                .values(state=state, updated_at=now())
+                .where(shape_table.c.task_id.in_(ids[start : start + _MANY]), shape_table.c.state != becomes)
+                .values(state=becomes, updated_at=now())
             )
     return tasks
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import event
+from sqlalchemy import event, update
 
 from reebase.errors import ParameterError, ReebaseError, UnknownName
 from reebase.pipeline import Profile
-from store import collections, keys, results, revision, shapes, tasks
+from store import collections, keys, results, revision, shapes, tables, tasks
 from store.engine import Database
 from store.errors import (
     CollectionExists,
@@ -312,6 +312,22 @@ def test_restoring_describes_what_was_cut_off_or_is_outdated(
             tasks.retry(conn, held[1].id)
         states = [shapes.restore(conn, collection.id, shape.id).state for shape in (outdated, cut, failed)]
     assert states == ["queued", "queued", "failed"]
+
+
+@pytest.mark.parametrize("was", ["queued", "cancelled"])
+def test_what_is_described_is_indexed_when_it_is_restored(
+    database: Database, queue: tasks.DatabaseQueue, collection: Collection, upload: Upload, was: str
+) -> None:
+    shape, _ = upload()
+    described(database, queue)
+    with database.write() as conn:
+        assert tasks.describe_anew(conn, collection.id, {shape.id}) == 1
+        shapes.delete(conn, collection.id, shape.id)
+        if was == "cancelled":  # as deletions of before left it
+            conn.execute(update(tables.shape).values(state="cancelled"))
+        assert shapes.restore(conn, collection.id, shape.id).state == "indexed"
+    assert shape.id in IndexFollower(database).index(collection.id, collection.profile_key)
+    assert queue.claim("w") is None
 
 
 def test_what_was_deleted_long_ago_is_purged(database: Database, collection: Collection, upload: Upload) -> None:

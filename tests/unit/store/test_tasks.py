@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import event, func, select, update
 from sqlalchemy.exc import IntegrityError
 
-from store import results, shapes, tables, tasks
+from store import collections, results, shapes, tables, tasks
 from store.engine import Database
 from store.errors import (
     InvalidCursor,
@@ -286,6 +286,62 @@ def test_what_cannot_be_retried(database: Database, queue: tasks.DatabaseQueue, 
         queue.cancel(conn, query.id)
     with pytest.raises(TaskNotRetryable, match="send the query again"), database.write() as conn:
         queue.retry(conn, query.id)
+    with database.write() as conn:
+        denoising = tasks.enqueue(conn, "denoise", blob=SHA)
+        queue.cancel(conn, denoising.id)
+    with pytest.raises(TaskNotRetryable, match="mesh to denoise is not kept") as refused, database.write() as conn:
+        queue.retry(conn, denoising.id)
+    assert "query" not in str(refused.value)
+
+
+@pytest.mark.parametrize("end", ["cancelled", "cancelled while it ran", "failed", "crashed"])
+def test_what_is_searched_stays_indexed_when_it_is_not_described_anew(
+    database: Database, queue: tasks.DatabaseQueue, collection: Collection, upload: Upload, end: str
+) -> None:
+    shape, _ = upload()
+    first = claimed(queue)
+    with database.write() as conn:
+        results.store_description(
+            conn, first, description(np.ones((2, 3))), cleaned_sha256=SHA, denoised_sha256=SHA
+        )
+        assert tasks.describe_anew(conn, collection.id, {shape.id}) == 1
+    assert state_of(database, shape) == "queued"
+    if end == "cancelled":
+        with database.write() as conn:
+            task = queue.cancel(conn, shapes.get(conn, collection.id, shape.id).task_id or "")
+    else:
+        task = claimed(queue)
+        assert state_of(database, shape) == "running"
+        if end == "crashed":
+            for _ in range(3):
+                queue.crashed(task)
+                task = queue.claim("w") or task
+        else:
+            with database.write() as conn:
+                if end == "failed":
+                    queue.fail(conn, task, "broken", "It is broken.")
+                else:
+                    queue.cancelled(conn, task)
+    ended = read(database, task)
+    assert ended.state == ("failed" if end == "crashed" else end.split(maxsplit=1)[0])
+    assert (ended.error_code is None) == end.startswith("cancelled")
+    assert state_of(database, shape) == "indexed"
+
+
+def test_what_was_described_otherwise_is_not_indexed_when_its_task_fails(
+    database: Database, queue: tasks.DatabaseQueue, collection: Collection, upload: Upload
+) -> None:
+    shape, _ = upload()
+    first = claimed(queue)
+    with database.write() as conn:
+        results.store_description(
+            conn, first, description(np.ones((2, 3))), cleaned_sha256=SHA, denoised_sha256=SHA
+        )
+        collections.update(conn, collection.name, profile={"bands": 17})
+    second = claimed(queue)
+    with database.write() as conn:
+        queue.fail(conn, second, "broken", "It is broken.")
+    assert state_of(database, shape) == "failed"
 
 
 def test_deleting_a_shape_takes_its_task_from_the_worker(
