@@ -129,11 +129,20 @@ def values_of_cursor(cursor: str, *kinds: type) -> list[Any]:
     """What ``cursor_beyond`` was given, each of its kind. Raises InvalidCursor."""
     try:
         found = json.loads(base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True))
-    except (ValueError, binascii.Error) as error:
+    except (ValueError, RecursionError) as error:
         raise InvalidCursor(parameter="cursor") from error
     if not isinstance(found, list) or [type(value) for value in found] != list(kinds):
         raise InvalidCursor("The cursor is of another list, or of the same in another order.", parameter="cursor")
+    if not all(map(_fits, found)):
+        raise InvalidCursor(parameter="cursor")
     return found
+
+
+def _fits(value: str | int) -> bool:
+    """Whether every database takes it as a value: 64 bits, or text without lone surrogates and NUL."""
+    if isinstance(value, int):
+        return -(2**63) <= value < 2**63
+    return "\0" not in value and not any("\ud800" <= letter <= "\udfff" for letter in value)
 
 
 def id_of_cursor(cursor: str) -> str:

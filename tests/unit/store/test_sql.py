@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
@@ -11,7 +12,17 @@ from sqlalchemy.schema import CreateIndex, CreateTable
 
 from store import tables
 from store.errors import InvalidCursor
-from store.sql import Json, Moment, canonical_json, cursor_after, id_of_cursor, new_id, now
+from store.sql import (
+    Json,
+    Moment,
+    canonical_json,
+    cursor_after,
+    cursor_beyond,
+    id_of_cursor,
+    new_id,
+    now,
+    values_of_cursor,
+)
 
 DIALECT = sqlite.dialect()
 
@@ -51,6 +62,19 @@ def test_ids_sort_by_time_and_cursors_give_them_back() -> None:
     for wrong in ("", "=", cursor_after(made[0])[:-2], cursor_after(made[0]) + "AAAA", made[0], "\u0000"):
         with pytest.raises(InvalidCursor):
             id_of_cursor(wrong)
+
+
+def test_cursors_give_values_back_and_only_such_as_a_database_takes() -> None:
+    for fine in (("name", "Ü\U0001f41c", "x"), ("bytes", 2**63 - 1, "x"), ("bytes", -(2**63), "x")):
+        assert values_of_cursor(cursor_beyond(*fine), str, type(fine[1]), str) == list(fine)
+    crafted = ['["name","\\ud800","x"]', '["name","\\u0000","x"]', '["name","a","\\udfff"]', f'["bytes",{10**30},"x"]',
+               f'["bytes",{2**63},"x"]', f'["bytes",{-(2**63) - 1},"x"]', '["bytes",NaN,"x"]', '["bytes",true,"x"]',
+               "[" * 100_000, "{}"]  # fmt: skip
+    for text in crafted:
+        cursor = base64.urlsafe_b64encode(text.encode()).rstrip(b"=").decode()
+        for kind in (str, int):
+            with pytest.raises(InvalidCursor):
+                values_of_cursor(cursor, str, kind, str)
 
 
 def test_the_tables_are_postgresql_too() -> None:
