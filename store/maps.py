@@ -57,7 +57,12 @@ def mapped(conn: Connection, collection: Collection, ranking: Ranking) -> Mapped
     """Of more shapes than a map holds a sample is taken that stays the same as others come and go."""
     parts = tuple(ranking.parts)
     found = Mapped([], {part: [] for part in parts}, 0, stamp(conn, collection))
-    ids = select(endpoint_features.c.shape_id).where(endpoint_features.c.collection_id == collection.id)
+    rows = endpoint_features
+    ids = (
+        select(rows.c.shape_id)
+        .join(shape, shape.c.id == rows.c.shape_id)
+        .where(rows.c.collection_id == collection.id, rows.c.profile_key == collection.profile_key, present)
+    )
     chosen = sorted(conn.execute(ids).scalars(), key=_drawn)[:MOST]
     among = endpoint_features.c.shape_id.in_(chosen)
     for one in descriptors.described(conn, parts, collection.profile_key, among):
