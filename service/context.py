@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends
 from starlette.requests import Request
 
@@ -42,6 +43,8 @@ class Context:
     plots: Plots = field(default_factory=Plots)
     limiter: RateLimiter = field(default_factory=RateLimiter)
     stopping: threading.Event = field(default_factory=threading.Event)
+    # Threads of the probes alone.
+    probes: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
 
     @classmethod
     def open(cls, settings: ServiceSettings, metrics: Metrics, stopping: threading.Event) -> Context:
@@ -63,7 +66,7 @@ class Context:
         self.database.close()
 
 
-def context_of(request: Request) -> Context:
+async def context_of(request: Request) -> Context:  # a coroutine needs no thread
     """The context of the application that serves this request."""
     found: Context = request.app.state.context
     return found

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from reebase.errors import MeshError, MissingPackage, ReebaseError
+from reebase.errors import ComputationError, MeshError, MissingPackage, ReebaseError
 from reebase.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
@@ -70,7 +70,10 @@ def describe(
         if "limbs" in outputs and "extended" in found:
             outputs["limbs"].write(limb_skeleton(surface).to_bytes())
         if "duplicates" in names:
-            found["duplicates"] = kept.Kept(signature(description.cleaned)[None].astype(np.float32))
+            try:
+                found["duplicates"] = kept.Kept(signature(description.cleaned)[None].astype(np.float32))
+            except (ReebaseError, MemoryError) as lacked:
+                refused["duplicates"] = ComputationError(f"No copies can be sought of the shape: {lacked}")
         kept.save(outputs["kept"], found)
         seconds = {**seconds, "descriptors": time.perf_counter() - start}
     if outputs.keys() & {"cleaned", "denoised", "display", "thumbnail"}:

@@ -34,6 +34,10 @@ def keep(surface: Surface, names: Iterable[str]) -> tuple[dict[str, Kept], dict[
     for descriptor in [descriptor_named(name) for name in names]:
         try:
             values = np.atleast_2d(np.asarray(descriptor.describe(surface), dtype=np.float32))
+            # What could not be compared must not be stored: one such row would stop every query of the collection.
+            if not np.isfinite(values).all():
+                raise ComputationError(f"{descriptor.name} has values that are not finite.")
+            descriptor.comparison.rows(values, descriptor.name)
             places = None if descriptor.place is None else np.asarray(descriptor.place(surface), dtype=np.float32)
         except ReebaseError as refusal:
             refused[descriptor.name] = refusal

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
+from anyio import to_thread
 from fastapi import APIRouter
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.requests import Request
@@ -13,7 +15,7 @@ import reebase
 from reebase.words import program
 from service import metrics
 from service.auth import Reader
-from service.context import Here
+from service.context import Context, Here
 from service.errors import NotReady
 from service.problems import PROBLEMS
 from service.schemas.about import LiveValue, ReadyValue
@@ -43,11 +45,16 @@ async def livez() -> LiveValue:
 
 
 @router.get("/readyz", operation_id="getReadiness", summary="Can it serve?", responses=_PROBE_PROBLEMS)
-def readyz(here: Here) -> ReadyValue:
+async def readyz(here: Here) -> ReadyValue:
     """Whether the database answers and has this version's tables; a worker may be missing.
 
     What it says of tasks and workers is at most five seconds old.
     """
+    # A thread of its own: long queries that hold all others must not make the service look dead.
+    return await to_thread.run_sync(partial(_readiness, here), limiter=here.probes)
+
+
+def _readiness(here: Context) -> ReadyValue:
     if here.stopping.is_set():
         raise NotReady("The service is stopping.")
     try:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -10,6 +12,7 @@ import pytest
 
 from service.guards import host_name
 from service.rates import RateLimiter
+from service.routes import about
 from service.settings import ServiceSettings
 from store import keys
 from store.errors import StorageFull
@@ -258,3 +261,26 @@ def test_a_reader_cancels_the_queries_it_asked_and_nothing_else(keyed: Make) -> 
     for task in (shape, foreign):
         is_problem(reader.post(f"/v1/tasks/{task}/cancel"), 403, "forbidden_scope")
     assert admin.post(f"/v1/tasks/{foreign}/cancel").json()["state"] == "cancelled"
+
+
+def test_probes_answer_while_every_thread_is_busy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Requests that measure for long must not make the service look dead to what watches it."""
+    held, free = threading.Semaphore(0), threading.Event()
+
+    class Slow:
+        def __iter__(self) -> Iterator[str]:
+            held.release()
+            free.wait(60)
+            return iter(["ply"])
+
+    monkeypatch.setattr(about, "WRITTEN", Slow())
+    with api_alone(tmp_path) as served, served.client() as client, ThreadPoolExecutor(60) as many:
+        try:
+            asked = [many.submit(client.get, "/v1/formats", timeout=90) for _ in range(60)]
+            for _ in range(40):  # as many as there are threads
+                assert held.acquire(timeout=30)
+            assert client.get("/livez", timeout=10).status_code == 200
+            assert client.get("/readyz", timeout=10).status_code == 200
+        finally:
+            free.set()
+        assert {one.result().status_code for one in asked} == {200}

@@ -176,7 +176,7 @@ def test_the_default_is_finite_volume_once() -> None:
 
 
 def test_an_unknown_method_is_refused_with_the_choices() -> None:
-    with pytest.raises(UnknownName, match="guided_normal, kernel, laplacian") as refusal:
+    with pytest.raises(UnknownName, match="guided_normal, kernel, l0, laplacian") as refusal:
         denoise(cube(), "sandpaper")
     assert refusal.value.details["choices"] == sorted(METHODS)
 
