@@ -60,9 +60,9 @@ Heartbeat = Literal["ok", "cancel", "lost"]
 AfterCrash = Literal["queued", "failed", "cancelled", "lost"]
 Detail = str | Mapping[str, Any]
 
-# Lower goes first: someone waits for these three.
+# Lower goes first: someone waits for these two.
 _PRIORITY: dict[str, int] = {
-    "query": 0, "denoise": 0, "map": 0, "describe": 1, "evaluate": 1, "duplicates": 1, "synthesise": 1, "report": 1,
+    "query": 0, "denoise": 0, "describe": 1, "map": 1, "evaluate": 1, "duplicates": 1, "synthesise": 1, "report": 1,
 }  # fmt: skip
 _LIVE = ("queued", "running")
 _NOT_HELD: dict[str, Any] = {"worker": None, "lease_until": None}

@@ -68,6 +68,45 @@ def test_no_hit_says_what_to_change(opened: Opened, service: Served, zoo: dict[s
     expect(page.locator(".hits li").first).to_contain_text("hands")
 
 
+def test_no_shape_of_a_label_offers_any_label(opened: Opened, zoo: dict[str, str]) -> None:
+    page = opened(f"/collections/zoo/query?shape={zoo['spiders-00']}&label=zebras").page
+    expect(page.get_by_role("heading", name="No shape to compare with has the label zebras")).to_be_visible()
+    page.get_by_role("button", name="Any label").click()
+    expect(page.locator(".hits li").first).to_contain_text("spiders")
+
+
+def test_an_undo_that_is_refused_says_why(fresh_api: Served, opened: Opened, mesh_file: Files) -> None:
+    """The same bytes came again after the deletion: two shapes cannot have them."""
+    base = f"{fresh_api.url}/v1/collections"
+    httpx.post(base, json={"name": "twice"}).raise_for_status()
+    data = mesh_file("a.ply").read_bytes()
+    shape = httpx.post(f"{base}/twice/shapes", content=data).raise_for_status().json()["shape"]["id"]
+    seen = opened(f"/collections/twice/shapes/{shape}", url=fresh_api.url)
+    seen.page.get_by_role("button", name="Delete").click()
+    expect(seen.page.get_by_role("button", name="Undo")).to_be_visible()
+    httpx.post(f"{base}/twice/shapes", content=data).raise_for_status()
+    seen.page.get_by_role("button", name="Undo").click()
+    expect(seen.page.get_by_role("alert")).to_contain_text("uploaded again after the deletion")
+    seen.forget("409")
+
+
+def test_a_key_that_may_read_only_sees_words_in_place_of_a_map(opened: Opened, guarded: tuple[Served, str]) -> None:
+    served, admin = guarded
+    mine = {"Authorization": f"Bearer {admin}"}
+    httpx.post(f"{served.url}/v1/collections", json={"name": "read"}, headers=mine).raise_for_status()
+    database = served.database()
+    with database.write() as conn:
+        _, secret = keys.create(conn, "read", None)
+    database.close()
+    seen = opened("/collections/read/map", url=served.url)
+    seen.page.get_by_role("textbox", name="API key").fill(secret)
+    seen.page.get_by_role("button", name="Use this key").click()
+    expect(seen.page.get_by_role("status").filter(has_text="No map was drawn yet")).to_contain_text("may read only")
+    expect(seen.page.get_by_role("alert")).to_have_count(0)
+    seen.forget("401")
+    seen.forget("403")
+
+
 def test_the_service_is_gone(opened: Opened, tmp_path: Path) -> None:
     with whole_service(tmp_path / "home", "--workers", "0") as served:
         seen = opened("/tasks", url=served.url)

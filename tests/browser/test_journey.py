@@ -10,6 +10,7 @@ import httpx
 import pytest
 from playwright.sync_api import Page, expect
 
+from reebase.client import Client, Upload
 from tests.browser.conftest import CLASSES, PER_CLASS, WAIT, Seen
 from tests.http.serving import Served
 
@@ -37,6 +38,11 @@ def pick(page: Page, button: str, *paths: Path) -> None:
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name=button).first.click()
     chooser.value.set_files([str(path) for path in paths])
+
+
+def settled(client: Client, upload: Upload) -> None:
+    assert upload.task is not None
+    client.wait(upload.task)
 
 
 def test_from_drop_to_an_explained_match(opened: Opened, zoo: dict[str, str], mesh_file: Files) -> None:
@@ -146,6 +152,54 @@ def test_the_map(opened: Opened, zoo: dict[str, str]) -> None:
     expect(page.locator(".map-card")).to_be_visible()
     page.keyboard.press("Enter")
     page.wait_for_url("**/shapes/**")
+
+
+def test_a_map_that_is_outdated_is_drawn_anew_on_demand(
+    opened: Opened, service: Served, zoo: dict[str, str], mesh_file: Files
+) -> None:
+    """Shapes that keep arriving outdate every map: one drawn unasked would follow the other."""
+    with Client(service.url) as client:
+        client.create_collection("grows")
+        for number in range(3):
+            settled(client, client.upload("grows", mesh_file("a.ply", number=number)))
+        page = opened("/collections/grows/map").page
+        dots = page.locator(".map a")
+        expect(dots).to_have_count(3)
+        settled(client, client.upload("grows", mesh_file("b.ply", number=3)))
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.method))
+    page.reload()
+    again = page.get_by_role("button", name="Draw anew")
+    expect(again).to_be_visible()
+    expect(dots).to_have_count(3)
+    assert "POST" not in asked
+    again.click()
+    expect(dots).to_have_count(4)
+    expect(again).to_have_count(0)
+    httpx.delete(f"{service.url}/v1/collections/grows").raise_for_status()
+
+
+def test_a_descriptor_on_demand_is_given_and_offered(opened: Opened, service: Served, mesh_file: Files) -> None:
+    with Client(service.url) as client:
+        client.create_collection("demand")
+        shapes = [client.upload("demand", mesh_file("a.ply", number=number)) for number in range(2)]
+        for one in shapes:
+            settled(client, one)
+    seen = opened(f"/collections/demand/query?shape={shapes[0].shape.id}&descriptor=gps")
+    page = seen.page
+    seen.forget("404")
+    page.get_by_role("button", name="Describe such shapes again").click()
+    expect(page.get_by_role("status").filter(has_text="2 shapes will be described again.")).to_be_visible()
+    demand = f"{service.url}/v1/collections/demand"
+    with Client(service.url) as client:
+        for task in client.tasks(collection="demand"):
+            client.wait(task)
+    given = {one["name"]: one["shapes"] for one in httpx.get(f"{demand}/descriptors").json()["items"]}
+    assert given["gps"] == 2
+    page.goto(f"/collections/demand/query?shape={shapes[0].shape.id}")
+    page.get_by_label("Compare by").select_option("gps")
+    expect(page.locator(".hits li")).to_have_count(1)
+    httpx.delete(demand).raise_for_status()
 
 
 def test_tasks_are_cancelled_and_tried_again(fresh_api: Served, opened: Opened, mesh_file: Files) -> None:

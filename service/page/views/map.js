@@ -1,9 +1,9 @@
 // A picture of the collection's neighbourhoods: shapes that are alike lie near each other.
 
 import { get, post } from "../parts/api.js";
-import { choices } from "../parts/choices.js";
-import { empty, field, h, notify, select, svg, table } from "../parts/dom.js";
-import { follow } from "../parts/follow.js";
+import { rankable } from "../parts/choices.js";
+import { empty, field, h, select, svg, table } from "../parts/dom.js";
+import { ended, follow } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
 import { go, path, reload, withQuery } from "../parts/router.js";
 import { count, digits, explained, moment, percent, taskWords } from "../parts/words.js";
@@ -14,32 +14,54 @@ const [SIDE, EDGE, LEAST, FLATTEST] = [1000, 40, 300, 0.8];
 export async function show(view) {
   const { collection } = view.params;
   const address = path`/v1/collections/${collection}`;
-  const [map, offered] = await Promise.all([
-    get(withQuery(`${address}/map`, { descriptor: view.query.descriptor }), view.signal), choices(view.signal)]);
+  const map = await get(withQuery(`${address}/map`, { descriptor: view.query.descriptor }), view.signal);
+  const offered = await rankable(collection, map.descriptor, view.signal);
   view.title(`Map of ${collection}`);
   const status = h("p", { class: "quiet", role: "status" });
-  const by = select(offered.descriptors.filter((one) => one.kept).map((one) => [one.name, one.name.replaceAll("_", " ")]), map.descriptor,
+  const state = h("div", { class: "bar" }, status);
+  const by = select(offered.map((one) => [one.name, one.name.replaceAll("_", " ")]), map.descriptor,
     { onchange: () => go(withQuery(location.pathname, { descriptor: by.value }), { replace: true }) });
   view.root.append(h("header", { class: "heading" },
     h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /"),
     h("div", { class: "spread" }, h("h1", {}, "Map"), field("Alike by", by)),
-    h("p", { class: "quiet" }, "Shapes that are alike lie near each other. Distances between far groups mean little.")), status);
-  if (map.state !== "current") make(view, address, map, status);
+    h("p", { class: "quiet" }, "Shapes that are alike lie near each other. Distances between far groups mean little.")), state);
+  if (map.state !== "current") renew(view, address, map, status, state);
   if (map.points.length > 0) view.root.append(...drawn(view, map, address));
   else if (map.state === "current")
     view.root.append(empty("Nothing to draw yet", "A map shows the shapes that are ready; there is none.", h("a", { class: "button", href: path`/collections/${collection}` }, "To the shapes")));
 }
 
-/** Have it drawn, or drawn anew, and show it once it is. */
-async function make(view, address, map, status) {
-  const tell = (now) => { status.textContent = `A new map is being drawn: ${taskWords(now)}`; };
+/**
+ * The first map is drawn unasked, any other on demand: shapes that arrive outdate each as soon as it is there, and the
+ * worker would draw for ever.
+ */
+function renew(view, address, map, status, state) {
+  const underway = map.task && !ended(map.task);
+  if (underway || (map.state === "none" && !map.task)) {
+    make(view, address, map, status, underway);
+    return;
+  }
+  status.textContent = map.task ? outcome(map.task) : "Shapes came or went since this was drawn.";
+  const again = h("button", { type: "button", class: "secondary", onclick: () => { again.remove(); make(view, address, map, status); } },
+    map.state === "none" ? "Draw it" : "Draw anew");
+  state.append(again);
+}
+
+const outcome = (task) => (task.error ? explained(task.error) : "Drawing the map was cancelled.");
+
+/** Have it drawn, or wait for the task that draws it, and show it. */
+async function make(view, address, map, status, underway) {
+  const tell = (now) => { status.textContent = `A map is being drawn: ${taskWords(now)}`; };
   try {
-    const task = await post(`${address}/map`, { descriptor: map.descriptor }, view.signal);
+    const task = underway || await post(`${address}/map`, { descriptor: map.descriptor }, view.signal);
     const end = await follow(task.id, tell, view.signal);
     if (end.state === "succeeded") reload();
-    else status.textContent = end.error ? explained(end.error) : "Drawing the map was cancelled.";
+    else status.textContent = outcome(end);
   } catch (error) {
-    if (!view.signal.aborted) notify(explained(error), { bad: true });
+    if (view.signal.aborted) return;
+    status.textContent = error.code === "forbidden_scope"
+      ? `${map.state === "none" ? "No map was drawn yet" : "This map is not of today's shapes"}, and the API key of this tab may read only. Whoever may write can have one drawn here.`
+      : explained(error);
   }
 }
 

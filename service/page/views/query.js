@@ -7,7 +7,7 @@ import { picker } from "../parts/drop.js";
 import { follow } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
 import { failure, go, path, remember, step, withQuery } from "../parts/router.js";
-import { choices } from "../parts/choices.js";
+import { choices, rankable } from "../parts/choices.js";
 import { matchings } from "../parts/matchings.js";
 import { count, digits, explained, flagWords, taskWords } from "../parts/words.js";
 
@@ -33,7 +33,7 @@ export async function show(view) {
   const { answer, name, source } = asked;
   view.title(`Like ${name}`);
   view.root.replaceChildren(heading(collection, `Like ${name}`, source), await terms(view, answer, shape, task), compare(), results);
-  fill(view, results, answer, source);
+  fill(view, results, answer, source, await choices(view.signal));
 }
 
 function heading(collection, title, source) {
@@ -78,22 +78,24 @@ async function byTask(view, id, results) {
   return null;
 }
 
+/** Ask the same in other terms. A file is sent again. */
+function askAnew(view, values) {
+  const next = { ...view.query, hit: undefined, ...values };
+  if (view.query.shape) return go(withQuery(location.pathname, next), { replace: true });
+  return askByFile(view.params.collection, fileOf(view.query.task), termsOf(next), true);
+}
+
 /** The pickers; what they offer is what the API offers. */
 async function terms(view, answer, shape, task) {
-  const offered = await choices(view.signal);
   const { query } = answer;
+  const [offered, ranking] = await Promise.all([choices(view.signal), rankable(view.params.collection, query.descriptor, view.signal)]);
   const file = task && fileOf(task);
-  const ask = (values) => {
-    const next = { ...view.query, hit: undefined, ...values };
-    if (shape) return go(withQuery(location.pathname, next), { replace: true });
-    return askByFile(view.params.collection, file, termsOf(next), true);
-  };
+  const ask = (values) => askAnew(view, values);
   const on = (name) => (event) => ask({ [name]: event.target.value });
   const tolerances = [["0", "the same number"], ["1", "one more or less"], ["2", "two more or less"], ["3", "three more or less"], ["any", "any number"]];
   const chosen = offered.of(query.descriptor);
-  const kept = offered.descriptors.filter((one) => one.kept || one.name === chosen.name);
   return h("fieldset", { class: "terms", disabled: Boolean(task && !file) }, h("legend", { class: "unseen" }, "Terms of the question"),
-    field("Compare by", select(kept.map((one) => [one.name, spaced(one.name)]), chosen.name,
+    field("Compare by", select(ranking.map((one) => [one.name, spaced(one.name)]), chosen.name,
       { onchange: (event) => ask({ descriptor: event.target.value, measure: undefined, rerank: undefined }), title: chosen.description })),
     chosen.measures.length > 1 && field("Measure", select(chosen.measures.map((name) => [name, spaced(name)]), query.measure,
       { onchange: on("measure"), title: offered.measureWords(query.measure) })),
@@ -105,14 +107,14 @@ async function terms(view, answer, shape, task) {
     h("p", { class: "quiet small" }, task && !file ? "The mesh was not kept: drop it again to ask in other terms." : chosen.description));
 }
 
-function fill(view, results, answer, source) {
+function fill(view, results, answer, source, offered) {
   const { hits, query } = answer;
   const address = path`/v1/collections/${view.params.collection}/shapes`;
   const most = Math.max(...hits.map((hit) => hit.dissimilarity), 1e-12);
   const told = `${hits.length === 0 ? "No hit" : count(hits.length, "hit")} among ${count(answer.considered, "shape")} that were compared; this mesh has ${count(query.endpoint_count, "endpoint")}. ${digits(answer.took_ms, 2)} ms.`;
   results.append(h("p", { class: "quiet", role: "status" }, told),
     ...query.flags.map((flag) => h("span", { class: "chip" }, flagWords(flag))),
-    ...answer.left_out.map((left) => leftOut(view, left)),
+    ...answer.left_out.map((left) => leftOut(view, left, offered.of(query.descriptor).parts)),
     hits.length === 0 ? nothing(view, answer)
       : h("ol", { class: "cards hits" }, hits.map((hit) => card(query, hit, address, most, source.shape?.label, (event) => {
         event.preventDefault();
@@ -123,33 +125,38 @@ function fill(view, results, answer, source) {
   if (chosen) explain(view, answer, chosen, source);
 }
 
-function nothing(view, answer) {
-  if (answer.query.tolerance === null) return empty("Nothing to compare with", "No other shape of this collection is ready, or none passes the filters.");
-  return empty("No shape is close in its number of endpoints", `This one has ${answer.query.endpoint_count}. Let the number differ by more.`,
-    h("button", { type: "button", onclick: () => go(withQuery(location.pathname, { ...view.query, tolerance: "any" }), { replace: true }) }, "Allow any number"));
+function nothing(view, { query }) {
+  const { label, task } = view.query;
+  const narrow = query.tolerance !== null;
+  if (!narrow && !label) return empty("Nothing to compare with", "No other shape of this collection is ready.");
+  const offer = (text, values) => !(task && !fileOf(task)) && h("button", { type: "button", onclick: () => askAnew(view, values) }, text);
+  return empty(narrow ? "No shape is close in its number of endpoints" : `No shape to compare with has the label ${label}`,
+    narrow ? `This one has ${query.endpoint_count}. Let the number differ by more${label ? `, or look beyond the label ${label}` : ""}.` : "Labels are compared letter by letter.",
+    narrow && offer("Allow any number", { tolerance: "any" }), label && offer("Any label", { label: undefined }));
 }
 
 /** The shape that asks lacks what ranks: it was described before this was kept. */
 function lacking(view, error) {
   return empty("This shape was described before this comparison existed", error.message,
-    h("button", { type: "button", onclick: () => describeAgain(view) }, "Describe such shapes again"),
+    h("button", { type: "button", onclick: () => describeAgain(view, error.details.descriptors) }, "Describe such shapes again"),
     h("button", { type: "button", class: "secondary", onclick: () =>
       go(withQuery(location.pathname, { shape: view.query.shape, descriptor: "srg" }), { replace: true }) }, "Compare by the skeleton alone"));
 }
 
-async function describeAgain(view) {
+/** Of all shapes that lack one of these descriptors. */
+async function describeAgain(view, descriptors) {
   try {
-    const { queued } = await post(path`/v1/collections/${view.params.collection}/reindex`);
-    notify(`${count(queued, "shape")} will be described again.`);
+    const { queued } = await post(path`/v1/collections/${view.params.collection}/reindex`, { descriptors });
+    notify(queued === 0 ? "Every shape that could be was described so already, or waits for it." : `${count(queued, "shape")} will be described again.`);
   } catch (error) {
     notify(explained(error), { bad: true });
   }
 }
 
 /** Shapes that lack what ranks: why, and how they get it. */
-function leftOut(view, left) {
+function leftOut(view, left, parts) {
   return h("p", { class: "flag" }, `${count(left.shapes, "shape")} left out. ${left.detail} `, left.code === "without_descriptor"
-    && h("button", { type: "button", class: "plain", onclick: () => describeAgain(view) }, "Describe them again"));
+    && h("button", { type: "button", class: "plain", onclick: () => describeAgain(view, parts) }, "Describe them again"));
 }
 
 function card(query, hit, address, most, label, onclick) {

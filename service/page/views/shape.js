@@ -32,8 +32,12 @@ async function remove(collection, shape, address) {
     await send("DELETE", address);
     await go(path`/collections/${collection}`);
     notify(`${shape.name} is deleted.`, { action: "Undo", onaction: async () => {
-      await post(`${address}/restore`);
-      go(path`/collections/${collection}/shapes/${shape.id}`);
+      try {
+        await post(`${address}/restore`);
+        go(path`/collections/${collection}/shapes/${shape.id}`);
+      } catch (error) {
+        notify(explained(error), { bad: true });
+      }
     } });
   } catch (error) {
     notify(explained(error), { bad: true });

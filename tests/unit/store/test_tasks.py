@@ -79,9 +79,10 @@ def test_oldest_first_but_someone_waits_for_a_query(database: Database, queue: t
     with database.write() as conn:
         first = tasks.enqueue(conn, "evaluate")
         second = tasks.enqueue(conn, "evaluate")
+        drawn = tasks.enqueue(conn, "map")
         query = tasks.enqueue(conn, "query", blob=SHA)
     assert queue.claim("w", kinds=["describe"]) is None
-    assert [claimed(queue).id for _ in range(3)] == [query.id, first.id, second.id]
+    assert [claimed(queue).id for _ in range(4)] == [query.id, first.id, second.id, drawn.id]
 
 
 def test_claiming_does_not_walk_through_the_tasks_of_the_past(
