@@ -48,12 +48,15 @@ def denoise(
     """
     from reebase.denoise import add_noise, apply_choice, choose, joined_soup
     from reebase.denoise import denoise as filtered
+    from reebase.errors import unknown_name
     from reebase.mesh.read import read
-    from reebase.mesh.write import to_bytes
+    from reebase.mesh.write import WRITTEN, to_bytes
 
     check_target(target)
     if target == STDOUT or not target.suffix:
         raise ParameterError(f"{shown(target.name)} has no suffix that names a format, such as .ply or .off.")
+    if target.suffix[1:].lower() not in WRITTEN:
+        raise unknown_name("format to write", target.suffix[1:], WRITTEN)
     image = check_picture(picture)
     if method != "none":
         parameters = _parameters(method, set_ or [])

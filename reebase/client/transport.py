@@ -128,7 +128,10 @@ class Transport:
         if isinstance(failure, httpx.TimeoutException) and not isinstance(failure, _NOT_SENT):
             return ServiceUnreachable(f"{self.url} took the request but did not answer in time.")
         reason = str(failure) or type(failure).__name__
-        return ServiceUnreachable(f"No answer from {self.url} ({reason}). Is the service running ({program()} serve)?")
+        return ServiceUnreachable(
+            f"No answer from {self.url} ({reason}). Is the service running ({program()} serve)? Where it is "
+            "elsewhere, name its address: --url or REEBASE_URL."
+        )
 
     def _refusal(self, reply: httpx.Response) -> ServiceError:
         if reply.is_redirect:

@@ -109,3 +109,11 @@ def test_refusals_write_nothing(command: Command, truth: Path, tmp_path: Path) -
         assert ran.code == 2, ran
         assert said in ran.err, ran
     assert not target.exists()
+
+
+def test_a_format_that_is_not_written_is_refused_before_any_work(command: Command, tmp_path: Path) -> None:
+    source = tmp_path / "in.ply"
+    source.write_bytes(b"not even a mesh")
+    ran = command("denoise", source, tmp_path / "out.xyz")
+    assert ran.code == 2
+    assert "'xyz'" in ran.err and "off, ply" in ran.err
