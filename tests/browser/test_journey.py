@@ -76,9 +76,15 @@ def test_from_drop_to_an_explained_match(opened: Opened, zoo: dict[str, str], me
 
 def test_from_an_empty_service_by_one_click(opened: Opened, fresh: Served) -> None:
     page = opened("/", url=fresh.url).page
-    page.get_by_role("button", name="Try the synthetic set").click()
+    button = page.get_by_role("button", name="Try 50 sample shapes")
+    expect(button).to_be_visible()
+    assert "false" not in page.locator("#main").inner_text()
+    button.click()
     page.wait_for_url("**/collections/synthetic")
     expect(page.locator(".cards .thumbnail img[src]").first).to_be_visible(timeout=2 * WAIT)
+    page.goto(fresh.url)
+    expect(page.get_by_role("link", name="synthetic")).to_be_visible()
+    expect(button).to_be_visible()
 
 
 def test_files_that_are_kept(opened: Opened, service: Served, zoo: dict[str, str], mesh_file: Files) -> None:
@@ -142,6 +148,31 @@ def test_browse_label_delete_and_undo(opened: Opened, service: Served, zoo: dict
     expect(cards).to_have_count(1)
     shape = f"{service.url}/v1/collections/zoo/shapes/{zoo['hands-01']}"
     httpx.patch(shape, json={"label": "hands"}).raise_for_status()
+
+
+def test_labels_of_many_are_taken_away_only_when_asked_and_come_back(
+    opened: Opened, service: Served, zoo: dict[str, str]
+) -> None:
+    page = opened("/collections/zoo").page
+
+    def labels() -> set[tuple[str, str | None]]:
+        items = httpx.get(f"{service.url}/v1/collections/zoo/shapes").json()["items"]
+        return {(item["name"], item["label"]) for item in items}
+
+    before = labels()
+    for name in ("hands-00", "spiders-00"):
+        page.get_by_label(f"Select {name}").check()
+    bar = page.get_by_role("region", name="Selected shapes")
+    expect(bar.get_by_role("button", name="Set")).to_be_disabled()
+    bar.get_by_label("Label").press("Enter")
+    expect(bar).to_be_visible()
+    assert labels() == before
+    bar.get_by_role("button", name="Remove labels").click()
+    expect(page.get_by_text("2 shapes without label now.")).to_be_visible()
+    assert {label for name, label in labels() if name in ("hands-00", "spiders-00")} == {None}
+    with page.expect_response(lambda reply: "/shapes?" in reply.url):
+        page.get_by_role("button", name="Undo").click()
+    assert labels() == before
 
 
 def test_the_map(opened: Opened, zoo: dict[str, str]) -> None:

@@ -8,6 +8,8 @@ import { explained } from "./words.js";
 
 const PER_CLASS = 5;
 
+export const SAMPLES = `${10 * PER_CLASS} sample shapes`;
+
 /** Fill a collection of its own, and go there. */
 export async function loadSynthetic() {
   try {

@@ -23,7 +23,7 @@ const ADVICE = {
   too_many_vertices: "Decimate the mesh, or ask whoever runs the service for a larger limit.",
   too_many_faces: "Decimate the mesh, or ask whoever runs the service for a larger limit.",
   no_faces: "The file holds points only. Reebase needs a surface: export it as triangles.",
-  empty_file: "Nothing is in this file. Export it again.",
+  empty_file: "Export it again.",
   quota_exceeded: "Delete shapes that you no longer need, or ask for a larger quota.",
   rate_limited: "Wait a moment, then try again.",
   forbidden_scope: "Use a key with more rights: close this tab, open the page again and enter it.",
@@ -76,5 +76,12 @@ export function size(bytes) {
 }
 
 export const seconds = (value) => (value < 1 ? `${Math.round(value * 1000)} ms` : `${value.toFixed(1)} s`);
+
+/** The time where it is of today, else the day: short enough for a column on a phone. */
+export function brief(text) {
+  const at = new Date(text);
+  return at.toDateString() === new Date().toDateString() ? at.toLocaleTimeString("en", { timeStyle: "short" })
+    : at.toLocaleDateString("en", { day: "numeric", month: "short" });
+}
 
 export const moment = (text) => new Date(text).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });

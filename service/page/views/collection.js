@@ -6,7 +6,7 @@ import { keep, askWith, picker } from "../parts/drop.js";
 import { ended } from "../parts/follow.js";
 import { thumbnail } from "../parts/pictures.js";
 import { go, path, remember, withQuery } from "../parts/router.js";
-import { loadSynthetic } from "../parts/synthetic.js";
+import { loadSynthetic, SAMPLES } from "../parts/synthetic.js";
 import { count, explained, flagWords, stateWords, taskWords } from "../parts/words.js";
 
 const SORTS = [["created", "oldest first"], ["-created", "newest first"], ["name", "name"], ["label", "label"], ["endpoints", "fewest endpoints"], ["-endpoints", "most endpoints"]];
@@ -28,7 +28,7 @@ export async function show(view) {
 function heading(collection, found, browser) {
   browser.counts = h("p", { class: "quiet", role: "status" });
   browser.count(found);
-  return h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/" }, "Shapes"), " /"),
+  return h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/" }, "Shapes")),
     h("div", { class: "spread" }, h("h1", {}, collection),
       h("div", { class: "bar" }, picker("Add meshes", (files) => keep(files, collection)),
         picker("Find similar to a file", ([file]) => askWith(file), { multiple: false, plain: true }),
@@ -60,7 +60,7 @@ async function watch(view, address, browser) {
 
 class Browser {
   constructor(view, address, labels) {
-    Object.assign(this, { view, address, labels, chosen: new Set(), next: null, shown: 0 });
+    Object.assign(this, { view, address, labels, chosen: new Map(), next: null, shown: 0 });
     this.grid = h("ul", { class: "cards" });
     this.more = h("button", { type: "button", class: "secondary", hidden: true, onclick: () => this.page() }, "Show more");
     this.tools = h("div", { class: "toolbar" });
@@ -116,9 +116,9 @@ class Browser {
     const filtered = ["text", "label", "state"].some((name) => this.view.query[name]);
     this.nothing.replaceChildren(...(shown > 0 ? [] : [filtered
       ? empty("No shape passes these filters", "Take one of them away to see more.", h("button", { type: "button", class: "secondary", onclick: () => go(this.view.root.ownerDocument.location.pathname) }, "Show all"))
-      : empty("This collection is empty", "Drop meshes anywhere on this page, pick them, or look around with the synthetic set first.",
+      : empty("This collection is empty", "Drop meshes anywhere on this page, pick them, or look around with sample shapes first.",
         picker("Add meshes", (files) => keep(files, this.view.params.collection)),
-        h("button", { type: "button", class: "secondary", onclick: loadSynthetic }, "Load the synthetic set"))]));
+        h("button", { type: "button", class: "secondary", onclick: loadSynthetic }, `Load ${SAMPLES}`))]));
   }
 
   async refresh() {
@@ -135,10 +135,10 @@ class Browser {
     if (this.chosen.size === 0 && !this.grid.contains(document.activeElement)) await this.load();
   }
 
-  /** Tell of the synthetic set while it is being made: until then there is nothing else to see. */
+  /** Tell of the sample shapes while they are being made: until then there is nothing else to see. */
   making(task) {
     if (task.kind !== "synthesise") return;
-    this.work.textContent = ended(task) ? (task.error ? explained(task.error) : "") : `The synthetic set is being made: ${taskWords(task)}. Shapes appear here as they are ready.`;
+    this.work.textContent = ended(task) ? (task.error ? explained(task.error) : "") : `Sample shapes are being made: ${taskWords(task)}. They appear here as they are ready.`;
     this.nothing.hidden = !ended(task);
   }
 
@@ -148,9 +148,10 @@ class Browser {
   }
 
   card(shape) {
+    if (this.chosen.has(shape.id)) this.chosen.set(shape.id, shape.label);
     const ready = shape.state === "indexed";
     const box = h("input", { type: "checkbox", class: "pick", "aria-label": `Select ${shape.name}`, checked: this.chosen.has(shape.id),
-      onchange: () => { if (box.checked) this.chosen.add(shape.id); else this.chosen.delete(shape.id); this.select(); } });
+      onchange: () => { if (box.checked) this.chosen.set(shape.id, shape.label); else this.chosen.delete(shape.id); this.select(); } });
     return h("li", {}, box, h("a", { class: "card", href: path`/collections/${this.view.params.collection}/shapes/${shape.id}` },
       ready ? thumbnail(shape.thumbnail) : h("span", { class: "thumbnail waiting" }, h("span", {}, stateWords(shape.state))),
       h("strong", { title: shape.name }, shape.name),
@@ -159,14 +160,18 @@ class Browser {
   }
 
   select() {
-    const ids = [...this.chosen];
+    const before = new Map(this.chosen);
+    const ids = [...before.keys()];
     this.selection.hidden = ids.length === 0;
     if (ids.length === 0) return;
-    const label = h("input", { maxlength: 200, placeholder: "none", list: "labels" });
+    const label = h("input", { maxlength: 200, list: "labels", oninput: () => { set.disabled = label.value.trim() === ""; } });
+    const set = h("button", { disabled: true }, "Set");
     this.selection.replaceChildren(h("strong", { role: "status" }, `${count(ids.length, "shape")} selected`),
-      h("form", { class: "bar", onsubmit: (event) => { event.preventDefault(); this.act(() => this.label(ids, label.value.trim() || null)); } },
+      h("form", { class: "bar", onsubmit: (event) => { event.preventDefault(); if (!set.disabled) this.act(() => this.label(before, label.value.trim())); } },
         h("label", { class: "inline" }, "Label ", label),
-        h("datalist", { id: "labels" }, this.labels.filter((one) => one.label).map((one) => h("option", { value: one.label }))), h("button", {}, "Set")),
+        h("datalist", { id: "labels" }, this.labels.filter((one) => one.label).map((one) => h("option", { value: one.label }))), set),
+      h("button", { type: "button", class: "secondary", disabled: [...before.values()].every((one) => one === null),
+        onclick: () => this.act(() => this.label(before, null)) }, "Remove labels"),
       h("button", { type: "button", class: "secondary", onclick: () => this.act(() => this.remove(ids)) }, "Delete"),
       h("button", { type: "button", class: "secondary", onclick: () => this.pickAll() }, "Select all shown"),
       h("button", { type: "button", class: "plain", onclick: () => this.clear() }, "Clear"));
@@ -193,9 +198,13 @@ class Browser {
     }
   }
 
-  async label(ids, label) {
-    const { labelled } = await post(`${this.address}/bulk/label`, { shapes: ids, label });
-    notify(`${count(labelled, "shape")} ${label === null ? "without label now" : `labelled ${label}`}.`);
+  /** before: the label of each shape until now, by id, so that it can be given back. */
+  async label(before, label) {
+    const give = (shapes, given) => post(`${this.address}/bulk/label`, { shapes, label: given });
+    const { labelled } = await give([...before.keys()], label);
+    notify(`${count(labelled, "shape")} ${label === null ? "without label now" : `labelled ${label}`}.`, { action: "Undo", seconds: 30, onaction: () => this.act(async () => {
+      for (const old of new Set(before.values())) await give([...before.keys()].filter((id) => before.get(id) === old), old);
+    }) });
   }
 
   async remove(ids) {

@@ -13,7 +13,7 @@ const MOST = 12;
 export async function show(view) {
   const ids = new URLSearchParams(location.search).getAll("id").slice(0, MOST);
   view.title("Comparison");
-  view.root.append(h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/evaluations" }, "Evaluations"), " /"), h("h1", {}, "Comparison")));
+  view.root.append(h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/evaluations" }, "Evaluations")), h("h1", {}, "Comparison")));
   const found = (await Promise.all(ids.map((id) => get(path`/v1/evaluations/${id}`, view.signal)))).filter((one) => one.report);
   if (found.length < 2) {
     view.root.append(empty("Nothing to compare", "Choose two or more evaluations that are done.", h("a", { class: "button", href: "/evaluations" }, "To the evaluations")));

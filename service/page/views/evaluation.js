@@ -13,7 +13,7 @@ export async function show(view) {
   const found = await get(address, view.signal);
   const name = evaluationName(found);
   view.title(name);
-  view.root.append(h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/evaluations" }, "Evaluations"), " /"),
+  view.root.append(h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/evaluations" }, "Evaluations")),
     h("div", { class: "spread" }, h("h1", {}, name), h("div", { class: "bar" }, actions(found, address))), h("p", { class: "quiet" }, moment(found.created_at))));
   if (!found.report) return view.root.append(ended(found.task) ? stopped(found) : running(view, found));
   view.root.append(overall(found.report), await plots(address), classes(found.report));

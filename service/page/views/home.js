@@ -3,7 +3,7 @@
 import { all, get } from "../parts/api.js";
 import { field, h, notify } from "../parts/dom.js";
 import { keep, picker } from "../parts/drop.js";
-import { loadSynthetic } from "../parts/synthetic.js";
+import { loadSynthetic, SAMPLES } from "../parts/synthetic.js";
 import { go, path, withQuery } from "../parts/router.js";
 import { ensureCollection } from "../parts/uploads.js";
 import { count, explained, size } from "../parts/words.js";
@@ -22,10 +22,10 @@ export async function show(view) {
       h("div", { class: "here" }, h("img", { src: "/page/icon.svg", alt: "", width: 44, height: 44 }),
         h("strong", {}, "Drop meshes anywhere on this page"),
         h("div", { class: "bar" }, picker("Add meshes", (files) => keep(files)),
-          collections.every((one) => one.counts.shapes === 0) && h("button", { type: "button", class: "secondary", onclick: loadSynthetic }, "Try the synthetic set")),
+          h("button", { type: "button", class: collections.some((one) => one.counts.shapes > 0) ? "plain" : "secondary", onclick: loadSynthetic }, `Try ${SAMPLES}`)),
         h("p", { class: "quiet small" }, `${formats.items.map((one) => one.name.toUpperCase()).join(", ")}; up to `,
           `${size(limits.max_upload_bytes)} and ${limits.max_vertices.toLocaleString("en")} vertices each.`))),
-    collections.length > 0 && h("section", {}, h("h2", {}, "Collections"), h("ul", { class: "cards wide" }, collections.map(card)), creation()));
+    ...(collections.length > 0 ? [h("section", {}, h("h2", {}, "Collections"), h("ul", { class: "cards wide" }, collections.map(card)), creation())] : []));
   await Promise.all(collections.map((one) => decorate(one, view)));
 }
 
