@@ -25,13 +25,12 @@ __all__ = ["Sought", "latest", "sought"]
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """Shapes by id. names: each once. signatures: float64, (n, 102). meshes: the blobs of the cleaned meshes (PLY).
+    """Shapes by id. signatures: float64, (n, 102). meshes: the blobs of the cleaned meshes (PLY).
 
     left_out: described shapes without a signature. stamp: of the set.
     """
 
     ids: list[str]
-    names: list[str]
     signatures: npt.NDArray[np.float64]
     meshes: list[str]
     left_out: int
@@ -46,15 +45,13 @@ def sought(conn: Connection, collection: Collection) -> Sought:
         for one in descriptors.described(conn, [DUPLICATES], collection.profile_key, mine)
         if DUPLICATES in one.kept
     }
-    known = select(shape.c.id, shape.c.name, skeleton.c.cleaned_sha256).join(
-        skeleton, skeleton.c.shape_id == shape.c.id
-    )
-    found = {row.id: row for row in conn.execute(known.where(shape.c.collection_id == collection.id, present))}
+    known = select(shape.c.id, skeleton.c.cleaned_sha256).join(skeleton, skeleton.c.shape_id == shape.c.id)
+    rows_of = conn.execute(known.where(shape.c.collection_id == collection.id, present))
+    found = {row.id: row.cleaned_sha256 for row in rows_of}
     ids = [id for id in rows if id in found]
     stamp = maps.stamp(conn, collection)
     signatures = np.array([rows[id] for id in ids], dtype=np.float64).reshape(len(ids), NUMBERS)
-    names = _once(ids, [found[id].name for id in ids])
-    return Sought(ids, names, signatures, [found[id].cleaned_sha256 for id in ids], stamp[1] - len(ids), stamp)
+    return Sought(ids, signatures, [found[id] for id in ids], stamp[1] - len(ids), stamp)
 
 
 def latest(conn: Connection, collection_id: str) -> tuple[Task | None, Task | None]:
@@ -65,9 +62,3 @@ def latest(conn: Connection, collection_id: str) -> tuple[Task | None, Task | No
         for query in (mine, mine.where(table.c.state == "succeeded"))
     )
     return None if newest is None else task_of_row(newest), None if done is None else task_of_row(done)
-
-
-def _once(ids: list[str], names: list[str]) -> list[str]:
-    """The names; those that are not unique with the end of the id."""
-    counts = {name: names.count(name) for name in set(names)} if len(set(names)) < len(names) else {}
-    return [name if counts.get(name, 1) == 1 else f"{name} ({id[-12:]})" for id, name in zip(ids, names, strict=True)]

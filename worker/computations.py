@@ -170,10 +170,11 @@ def map_collection(
 def duplicates(
     _: dict[str, Any], source: BinaryIO, outputs: Mapping[str, BinaryIO], progress: Progress
 ) -> dict[str, Any]:
-    """Which of some shapes are one. source: zip of their meshes by number (PLY), ``names.json`` and
-    ``signatures.npy``. outputs: ``findings`` (JSON).
+    """Which of some pairs of shapes are one. source: zip of meshes by number (PLY), ``names.json``, ``signatures.npy``
+    and ``pairs.json`` (distance, numbers of both, whether of each the largest component is meant). outputs:
+    ``findings`` (JSON).
     """
-    from reebase.duplicates import Shape, find_duplicates
+    from reebase.duplicates import Candidate, Shape, find_duplicates
     from reebase.mesh.read import read
 
     with zipfile.ZipFile(source) as archive:
@@ -186,7 +187,8 @@ def duplicates(
         shapes = [
             Shape(name, partial(mesh, number), signatures[number]) for number, name in enumerate(names)
         ]
-        found = find_duplicates(shapes, progress=lambda fraction: progress("compare", fraction))
+        pairs = [Candidate(apart, a, b, tuple(parts)) for apart, a, b, parts in json.loads(archive.read("pairs.json"))]
+        found = find_duplicates(shapes, pairs=pairs, progress=lambda fraction: progress("compare", fraction))
     outputs["findings"].write(json.dumps([one.to_json() for one in found]).encode())
     return {}
 

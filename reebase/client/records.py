@@ -386,13 +386,17 @@ class Duplicate:
 
 @dataclass(frozen=True)
 class Duplicates:
-    """What a search found. state: current, outdated or none. left_out: shapes that could not be compared. total: of all
-    findings, of which ``findings`` are the strongest."""
+    """What a search found. state: current, outdated or none. left_out: shapes that could not be compared. pairs: that
+    were; pairs_left_out: candidates that were too many. total: of all findings, of which ``findings`` are the
+    strongest.
+    """
 
     state: str
     made_at: datetime | None
     compared: int
     left_out: int
+    pairs: int
+    pairs_left_out: int
     total: int
     findings: tuple[Duplicate, ...]
 

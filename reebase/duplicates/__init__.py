@@ -10,11 +10,11 @@ shape; alignment.py and evidence.py: how two meshes lie on one another; findings
 """
 
 from reebase.duplicates.evidence import Evidence, compared
-from reebase.duplicates.find import Candidate, Shape, candidates, find_duplicates
+from reebase.duplicates.find import Candidate, Shape, candidates, comparisons, find_duplicates
 from reebase.duplicates.findings import CLASSES, CONFIDENCES, Finding
 from reebase.duplicates.signature import NUMBERS, signature
 
 __all__ = [
     "CLASSES", "CONFIDENCES", "NUMBERS", "Candidate", "Evidence", "Finding", "Shape", "candidates", "compared",
-    "find_duplicates", "signature",
+    "comparisons", "find_duplicates", "signature",
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import edges, largest_component
 
-__all__ = ["Candidate", "Shape", "candidates", "find_duplicates"]
+__all__ = ["Candidate", "Shape", "candidates", "comparisons", "find_duplicates"]
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -61,7 +61,8 @@ class Shape:
 @dataclass(frozen=True, order=True)
 class Candidate:
     """Two shapes, by index, that may be one. distance: of their signatures. parts: whether of each the largest
-    component is meant and not the whole."""
+    component is meant and not the whole. A shape with itself: whether it holds its largest component several times.
+    """
 
     distance: float
     first: int
@@ -69,34 +70,41 @@ class Candidate:
     parts: tuple[bool, bool] = field(default=(False, False))
 
 
-def find_duplicates(shapes: Sequence[Shape], *, progress: Progress | None = None) -> list[Finding]:
+def find_duplicates(
+    shapes: Sequence[Shape], *, pairs: Sequence[Candidate] | None = None, progress: Progress | None = None
+) -> list[Finding]:
     """All findings, the strongest first; nothing is changed or deleted.
 
-    Each pair is told once; of n copies there are up to n (n - 1) / 2 findings. progress: called with the fraction done.
+    Each pair is told once; of n copies there are up to n (n - 1) / 2 findings. pairs: what to compare, those of two
+    shapes one after the other; ``comparisons`` of the signatures unless given. progress: called with the fraction done.
     Raises ParameterError for a signature of another length, or two shapes of one name; MeshError from ``load``.
     """
     names = [shape.name for shape in shapes]
     if len(set(names)) != len(names):
         raise ParameterError("Every shape needs a name of its own.", parameter="shapes")
     prepared = lru_cache(HELD)(lambda index, part: _surface(shapes[index].load(), part))
-    inside = [at for at, shape in enumerate(shapes) if (shape.signature[:PART] != shape.signature[PART:]).any()]
-    pairs = sorted(candidates(np.array([shape.signature for shape in shapes]).reshape(len(shapes), -1)),
-                   key=lambda one: (one.first, one.second, one.distance))  # fmt: skip
-    findings: list[Finding] = []
-    found: set[tuple[int, int]] = set()
-    steps = max(1, len(inside) + len(pairs))
-    for done, at in enumerate(inside):
-        findings += _copies_within(shapes[at])
-        _tell(progress, (done + 1) / steps)
-    for done, pair in enumerate(pairs, start=len(inside)):
-        if (pair.first, pair.second) not in found:
-            one = _verified(shapes, pair, prepared)
+    if pairs is None:
+        pairs = comparisons(np.array([shape.signature for shape in shapes]).reshape(len(shapes), -1))
+    findings: dict[tuple[int, int], Finding] = {}
+    for done, pair in enumerate(pairs):
+        _tell(progress, done / len(pairs))
+        if (pair.first, pair.second) not in findings:
+            own = pair.first == pair.second
+            one = _copies_within(shapes[pair.first]) if own else _verified(shapes, pair, prepared)
             if one is not None:
-                found.add((pair.first, pair.second))
-                findings.append(one)
-        _tell(progress, (done + 1) / steps)
+                findings[pair.first, pair.second] = one
     _tell(progress, 1.0)
-    return sorted(findings, key=_strength)
+    return sorted(findings.values(), key=_strength)
+
+
+def comparisons(signatures: Array) -> list[Candidate]:
+    """All that is to be compared: the candidates, and each shape of several components with itself.
+
+    Those of two shapes one after the other, the nearest first. signatures: (n, NUMBERS). Raises ParameterError.
+    """
+    near = [*candidates(signatures)]
+    within = [Candidate(0.0, int(at), int(at), (True, True)) for at in _several(signatures)]
+    return sorted([*within, *near], key=lambda one: (one.first, one.second, one.distance))
 
 
 def candidates(signatures: Array, reach: float = REACH, most: int = MOST) -> Iterator[Candidate]:
@@ -115,7 +123,7 @@ def candidates(signatures: Array, reach: float = REACH, most: int = MOST) -> Ite
             f"Signatures must have {NUMBERS} numbers each; found an array of shape {signatures.shape}.",
             parameter="signatures",
         )
-    several = np.flatnonzero((signatures[:, :PART] != signatures[:, PART:]).any(axis=1))
+    several = _several(signatures)
     rows = np.concatenate([signatures[:, :PART], signatures[several, PART:]])
     owner = np.concatenate([np.arange(len(signatures)), several])
     distance, near = cKDTree(rows).query(rows, k=range(1, min(most + 2, len(rows)) + 1),
@@ -130,6 +138,11 @@ def candidates(signatures: Array, reach: float = REACH, most: int = MOST) -> Ite
             if (low, high) not in seen and parts != (True, True):
                 seen.add((low, high))
                 yield Candidate(float(length / np.sqrt(PART)), int(owner[low]), int(owner[high]), parts)
+
+
+def _several(signatures: Array) -> npt.NDArray[np.int64]:
+    """Which shapes have several components."""
+    return np.flatnonzero((signatures[:, :PART] != signatures[:, PART:]).any(axis=1))
 
 
 def _verified(
@@ -149,39 +162,44 @@ def _verified(
         evidence = compared(one, other)
         if evidence is None:
             return None
-    copies = 1 + len(_alike(first.load(), one))
-    return finding_of(first.name, second.name, evidence, other.size, copies) if copies > 1 else None
+    alike, more = _alike(first.load(), one)
+    if not alike:
+        return None
+    return finding_of(first.name, second.name, evidence, other.size, 1 + len(alike), more=more)
 
 
-def _copies_within(shape: Shape) -> list[Finding]:
+def _copies_within(shape: Shape) -> Finding | None:
     """The finding that one file holds its largest component more than once."""
     mesh = shape.load()
     body = Surface(largest_component(mesh)[0])
-    alike = _alike(mesh, body)
-    if not alike:
-        return []
-    evidence = compared(alike[0], body)
+    alike, more = _alike(mesh, body)
+    evidence = compared(alike[0], body) if alike else None
     if evidence is None:
-        return []
-    return [finding_of(shape.name, shape.name, evidence, body.size, 1 + len(alike))]
+        return None
+    return finding_of(shape.name, shape.name, evidence, body.size, 1 + len(alike), more=more)
 
 
-def _alike(mesh: Mesh, body: Surface) -> list[Surface]:
-    """The components of the mesh that are copies of its largest, which is not among them; at most MOST_COPIES - 1."""
+def _alike(mesh: Mesh, body: Surface) -> tuple[list[Surface], bool]:
+    """The components of the mesh that are copies of its largest, which is not among them, and whether more may be.
+
+    MOST_COPIES - 1 are looked at, so that a file of ten thousand screws ends.
+    """
     own = signature(body.mesh)[:PART]
     area = float(face_areas(body.mesh).sum())
     count, labels = edges(mesh.faces).components
     areas = np.bincount(labels, weights=face_areas(mesh), minlength=count)
+    near = np.flatnonzero(np.abs(areas / area - 1) <= COPY_AREA)
+    near = near[near != areas.argmax()]
     found = []
-    for part in np.flatnonzero(np.abs(areas / area - 1) <= COPY_AREA)[:MOST_COPIES]:
+    for part in near[: MOST_COPIES - 1]:
         used, corners = np.unique(mesh.faces[labels == part], return_inverse=True)
         other = Mesh(mesh.vertices[used], corners.reshape(-1, 3).astype(np.int32))
-        if part == int(areas.argmax()) or np.sqrt(((signature(other)[:PART] - own) ** 2).mean()) > REACH:
+        if np.sqrt(((signature(other)[:PART] - own) ** 2).mean()) > REACH:
             continue
         surface = Surface(other)
         if compared(surface, body) is not None:
             found.append(surface)
-    return found
+    return found, len(near) >= MOST_COPIES
 
 
 def _surface(mesh: Mesh, part: bool) -> Surface:

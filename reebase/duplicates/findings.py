@@ -51,8 +51,8 @@ class Finding:
 
     scale: what the first must be multiplied by to have the second's size. units: which units were taken for one
     another, where the scale says so. copies: how many times the first holds the second (or its own largest part, where
-    first and second are one shape); 1 but for ``copies``. evidence: the numbers; None where bytes are the same.
-    words: the finding as a sentence.
+    first and second are one shape), as far as they were counted, which the words say; 1 but for ``copies``. evidence:
+    the numbers; None where bytes are the same. words: the finding as a sentence.
     """
 
     first: str
@@ -89,8 +89,11 @@ def same_bytes(first: str, second: str) -> Finding:
     return Finding(first, second, ("same_bytes",), "certain", 1.0, None, 1, None, words)
 
 
-def finding_of(first: str, second: str, evidence: Evidence, size: float, copies: int = 1) -> Finding:
-    """What the evidence says. size: of the second, against which a shift counts or not."""
+def finding_of(
+    first: str, second: str, evidence: Evidence, size: float, copies: int = 1, *, more: bool = False
+) -> Finding:
+    """What the evidence says. size: of the second, against which a shift counts or not. more: than ``copies`` may be
+    there."""
     same = evidence.same_faces >= SAME_FACES and evidence.residual <= FLAT
     if same:
         mesh = "same_mesh"
@@ -112,7 +115,8 @@ def finding_of(first: str, second: str, evidence: Evidence, size: float, copies:
     close = evidence.farthest <= STRONG and evidence.of_size <= STRONG_SIZE
     confidence = "certain" if same else "strong" if close else "fair"
     units = _units(similarity.scale, slack) if rescaled else None
-    words = _words(first, second, evidence, classes, units, copies)
+    counted = f"{'at least ' if more else ''}{copies} copies" if copies > 1 else None
+    words = _words(first, second, evidence, classes, units, counted)
     return Finding(first, second, classes, confidence, similarity.scale, units, copies, evidence, words)
 
 
@@ -122,8 +126,9 @@ def _units(scale: float, slack: float) -> str | None:
 
 
 def _words(
-    first: str, second: str, evidence: Evidence, classes: tuple[str, ...], units: str | None, copies: int
-) -> str:
+    first: str, second: str, evidence: Evidence, classes: tuple[str, ...], units: str | None,
+    copies: str | None,
+) -> str:  # fmt: skip
     within = f"within {evidence.farthest:.2g} mean edge lengths or {evidence.of_size:.2g} of its size"
     less = f"{min(evidence.vertices, 1 / evidence.vertices):.0%} of the vertices"
     parts = {
@@ -138,9 +143,9 @@ def _words(
     said = ", ".join(parts[name] for name in classes if name in parts)
     if evidence.mirrored is None:
         said += "; its mirror image looks the same, so whether it was mirrored cannot be told"
-    if copies > 1:
+    if copies is not None:
         whose = "its largest part" if first == second else second
-        return f"{first} holds {copies} copies of {whose}: {said}."
+        return f"{first} holds {copies} of {whose}: {said}."
     return f"{first} and {second} are one shape: {said}."
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
 from fastapi import Query
@@ -39,26 +40,29 @@ def get_duplicates(
 ) -> DuplicatesValue:  # fmt: skip
     """Shapes that are one: exported again, moved, rescaled, mirrored, remeshed, decimated, several in one file.
 
-    Those of the latest search, without shapes that were deleted since, with the names that shapes have now.
+    Those of the latest search, without shapes that were deleted since, with the names that shapes have now. Of more
+    than 2,000 findings the strongest 2,000 are there; ``total`` counts the others too.
     """
     sure = _CONFIDENCES[: _CONFIDENCES.index(confidence) + 1]
     with here.database.read() as conn:
         opened = open_collection(conn, principal, collection)
         newest, done = duplicates.latest(conn, opened.id)
         found = (done.result or {}) if done is not None else {}
-        named = {one[side] for one in found.get("findings", ()) for side in ("first", "second")}
-        there = shapes.summaries(conn, opened.id, sorted(named))
-        kept = [
-            one for one in found.get("findings", ())
+        every = [*found.get("findings", ()), *found.get("weaker", ())]
+        there = shapes.summaries(conn, opened.id, sorted({one[side] for one in every for side in ("first", "second")}))
+        passed = [
+            one for one in every
             if {one["first"], one["second"]} <= there.keys() and one["confidence"] in sure
             and (shape is None or shape in (one["first"], one["second"]))
         ]  # fmt: skip
+        kept = [one for one in passed if "words" in one]
         current = found.get("stamp") == maps.stamp(conn, opened)
         pending = None if newest is None or newest.state == "succeeded" else task_value(conn, newest)
     return DuplicatesValue(
         state="none" if done is None else "current" if current else "outdated", task=pending,
         made_at=None if done is None else done.finished_at, compared=found.get("compared", 0),
-        left_out=found.get("left_out", 0), total=len(kept),
+        left_out=found.get("left_out", 0), pairs=found.get("pairs", 0), pairs_left_out=found.get("pairs_left_out", 0),
+        total=len(passed),
         findings=[_finding(one, there) for one in kept[:limit]],
     )  # fmt: skip
 
@@ -81,5 +85,9 @@ def find_duplicates(here: Here, principal: Writer, collection: CollectionPath) -
 
 
 def _finding(one: dict[str, Any], there: dict[str, tuple[str, str | None]]) -> FindingValue:
+    """The findings call shapes by their ids: names change, and two may be the same."""
     first, second = (FoundShape(id=id, name=there[id][0], label=there[id][1]) for id in (one["first"], one["second"]))
-    return FindingValue(**{**one, "first": first, "second": second})
+    shown = {one.id: one.name if first.id == second.id or first.name != second.name else f"{one.name} ({one.id})"
+             for one in (first, second)}  # fmt: skip
+    words = re.sub("|".join(map(re.escape, shown)), lambda found: shown[found[0]], one["words"])
+    return FindingValue(**{**one, "first": first, "second": second, "words": words})

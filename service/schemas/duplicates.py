@@ -32,7 +32,7 @@ class FindingValue(Value):
     confidence: str = Field(description="certain, strong or fair.")
     scale: float = Field(description="What the first must be multiplied by to have the second's size.")
     units: str | None = Field(description="Which units were taken for one another, where the scale says so.")
-    copies: int
+    copies: int = Field(description="Counted up to 100; the words say when there may be more.")
     words: str
     evidence: dict[str, Any] | None = Field(
         description="residual and farthest (in mean edge lengths), same_faces (share), vertices, area and volume "
@@ -48,5 +48,11 @@ class DuplicatesValue(Value):
     made_at: Moment | None
     compared: int
     left_out: int = Field(description="Described shapes without what they are sought by; reindex gives it to them.")
-    total: int = Field(description="Findings that the filters let pass.")
+    pairs: int = Field(description="Pairs that were compared.")
+    pairs_left_out: int = Field(
+        description="Candidates that were not compared: those farthest apart of more than 20,000."
+    )
+    total: int = Field(
+        description="Findings that the filters let pass, with those beyond the strongest 2,000, which are only counted."
+    )
     findings: list[FindingValue]

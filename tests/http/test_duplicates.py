@@ -5,10 +5,12 @@ from __future__ import annotations
 import httpx
 import numpy as np
 import pytest
+from sqlalchemy import select, update
 
-from reebase.client import Client
+from reebase.client import Client, Duplicate
 from reebase.duplicates import Shape, find_duplicates
 from reebase.mesh import Mesh, clean
+from store.tables import task as table
 from tests.http.serving import Served
 from tests.http.test_main_job import ended, indexed, uploaded
 from tests.http.test_problems import is_problem
@@ -61,6 +63,10 @@ def test_copies_are_found_and_what_was_done_is_told(http: httpx.Client, copies: 
     assert inches["units"] == "inches and millimetres" and inches["confidence"] == "certain"
     assert inches["evidence"]["same_faces"] == 1.0 and "25.4" in inches["words"]
     assert {one["first"]["id"] for one in found["findings"]} <= set(copies.values())
+    assert found["pairs"] >= found["total"] == len(expected)
+    assert found["pairs_left_out"] == 0
+    for one in found["findings"]:
+        assert one["first"]["name"] in one["words"] and one["first"]["id"] not in one["words"]
     again = http.post(path)
     assert (again.status_code, again.json()["id"]) == (200, task)
 
@@ -85,9 +91,44 @@ def test_findings_can_be_narrowed_and_follow_deletions(
         assert after.total == every.total - own.total
         http.post(f"{copies['']}/bulk/restore", json={"shapes": [copies["inches"]]}).raise_for_status()
         assert client.duplicates("copies").total == every.total
+        (between,) = _between(client, copies["one"], copies["mirrored"])
+        client.update_shape("copies", copies["mirrored"], name="one")
+        (again,) = _between(client, copies["one"], copies["mirrored"])
+        client.update_shape("copies", copies["mirrored"], name="mirrored")
+        assert {again.first_name, again.second_name} == {"one"}
+        assert "mirrored and" not in again.words and "and mirrored" not in again.words
+        assert f"one ({again.first}) and one ({again.second}) are one shape" in again.words
+        assert again.evidence == between.evidence
     is_problem(http.get(path, params={"confidence": "sure"}), 422, "validation_error")
     is_problem(http.get(path, params={"limit": 0}), 422, "validation_error")
     is_problem(http.get("/v1/collections/absent/duplicates"), 404, "collection_not_found")
+
+
+def _between(client: Client, one: str, other: str) -> list[Duplicate]:
+    return [found for found in client.duplicates("copies").findings if {found.first, found.second} == {one, other}]
+
+
+def test_the_total_counts_findings_of_which_only_that_is_kept(
+    http: httpx.Client, service: Served, copies: dict[str, str]
+) -> None:
+    path = f"{copies['']}/duplicates"
+    with Client(service.url) as client:
+        task = client.wait(client.find_duplicates("copies")).id
+    every = http.get(path).json()
+    database = service.database()
+    try:
+        with database.write() as conn:
+            kept = conn.execute(select(table.c.result).where(table.c.id == task)).scalar_one()
+            weaker = [{name: one[name] for name in ("first", "second", "confidence")} for one in kept["findings"][1:]]
+            cut = {**kept, "findings": kept["findings"][:1], "weaker": weaker}
+            conn.execute(update(table).where(table.c.id == task).values(result=cut))
+    finally:
+        database.close()
+    found = http.get(path).json()
+    assert (found["total"], found["findings"]) == (every["total"], every["findings"][:1])
+    one = every["findings"][1]["first"]["id"]
+    of_one = [each for each in every["findings"] if one in (each["first"]["id"], each["second"]["id"])]
+    assert http.get(path, params={"shape": one}).json()["total"] == len(of_one)
 
 
 def test_of_no_shapes(http: httpx.Client, collection: str) -> None:

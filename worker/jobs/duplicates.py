@@ -6,14 +6,13 @@ import io
 import json
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
-from reebase.duplicates import candidates
-from reebase.duplicates.signature import PART
+from reebase.duplicates import Candidate, comparisons
 from store import collections, duplicates, faults
 from store.duplicates import Sought
 from worker.claim import Claim, LostError
@@ -22,10 +21,19 @@ from worker.tools import Tools
 __all__ = ["run"]
 
 _PAIRS = 300
-"""Pairs that one child compares; each takes a fifth of a second, and a child has its limits."""
+"""Pairs that one child compares: each takes up to a fifth of a second, and a child has five minutes."""
+
+_SEVERAL = 20
+"""Pairs that one with a largest component counts as: each of up to a hundred copies of that is compared."""
+
+_BYTES = 256 << 20
+"""Sum of both meshes over the pairs that one child compares: larger ones take longer, and are held in memory."""
+
+_MOST_PAIRS = 20_000
+"""Pairs that are compared of one collection, the nearest: about an hour."""
 
 _MOST = 2000
-"""Findings that are kept, the strongest first."""
+"""Findings that are kept with their evidence, the strongest; of others only which shapes, and how sure."""
 
 
 def run(tools: Tools, claim: Claim) -> None:
@@ -33,28 +41,65 @@ def run(tools: Tools, claim: Claim) -> None:
     task = claim.task
     if task.collection_id is None:
         raise LostError
-    with tools.database.read() as conn:
-        found = duplicates.sought(conn, collections.by_id(conn, task.collection_id))
-    batches = list(_batches(found.signatures))
+    with claim.kept():
+        with tools.database.read() as conn:
+            found = duplicates.sought(conn, collections.by_id(conn, task.collection_id))
+        every = comparisons(found.signatures)
+        pairs = _nearest(every, _MOST_PAIRS)
+        sizes = {place: tools.blobs.size(found.meshes[place]) for one in pairs for place in (one.first, one.second)}
+        runs = list(_runs(pairs, lambda one: sizes[one.first] + sizes[one.second]))
     findings: list[dict[str, Any]] = []
-    for number, batch in enumerate(batches):
-        findings += _compared(tools, claim, found, batch, number / len(batches), 1 / len(batches))
+    weaker: list[dict[str, Any]] = []
+    done = 0
+    for batch in runs:
+        findings += _compared(tools, claim, found, batch, done / len(pairs), len(batch) / len(pairs))
+        findings.sort(key=_strength)
+        weaker += [{name: one[name] for name in ("first", "second", "confidence")} for one in findings[_MOST:]]
+        del findings[_MOST:]
+        done += len(batch)
     faults.point("worker.child_done")
-    id_of = dict(zip(found.names, found.ids, strict=True))
-    findings.sort(key=lambda one: (-1.0 if one["evidence"] is None else one["evidence"]["farthest"], one["words"]))
     result = {
-        "stamp": found.stamp, "compared": len(found.ids), "left_out": found.left_out, "total": len(findings),
-        "findings": [
-            {**one, "first": id_of[one["first"]], "second": id_of[one["second"]]} for one in findings[:_MOST]
-        ],
+        "stamp": found.stamp, "compared": len(found.ids), "left_out": found.left_out, "pairs": len(pairs),
+        "pairs_left_out": len(every) - len(pairs), "findings": findings, "weaker": weaker,
     }  # fmt: skip
     with tools.database.write() as conn:
         tools.queue.succeed(conn, task, result)
     faults.point("worker.rows_committed")
 
 
+def _strength(finding: dict[str, Any]) -> tuple[float, str, str]:
+    evidence = finding["evidence"]
+    return (-1.0 if evidence is None else evidence["farthest"], finding["first"], finding["second"])
+
+
+def _nearest(pairs: list[Candidate], most: int) -> list[Candidate]:
+    """At most so many, in their order."""
+    if len(pairs) <= most:
+        return pairs
+    kept = np.sort(np.argsort([one.distance for one in pairs], kind="stable")[:most])
+    return [pairs[at] for at in kept]
+
+
+def _runs(pairs: Sequence[Candidate], size: Callable[[Candidate], int]) -> Iterator[list[Candidate]]:
+    """The pairs in their order, cut into what one child may do. Those of two shapes stay together, since the first
+    that is found ends the comparison of these."""
+    batch: list[Candidate] = []
+    held = bytes_held = 0
+    for _, group in groupby(pairs, key=lambda one: (one.first, one.second)):
+        together = list(group)
+        weight = sum(_SEVERAL if any(one.parts) else 1 for one in together)
+        length = sum(map(size, together))
+        if batch and (held + weight > _PAIRS or bytes_held + length > _BYTES):
+            yield batch
+            batch, held, bytes_held = [], 0, 0
+        batch += together
+        held, bytes_held = held + weight, bytes_held + length
+    if batch:
+        yield batch
+
+
 def _compared(
-    tools: Tools, claim: Claim, found: Sought, batch: npt.NDArray[np.int64], begun: float, share: float
+    tools: Tools, claim: Claim, found: Sought, batch: list[Candidate], begun: float, share: float
 ) -> list[dict[str, Any]]:
     def progress(stage: str, fraction: float) -> None:
         claim.progress(stage, begun + share * fraction)
@@ -69,39 +114,16 @@ def _compared(
             return findings
 
 
-def _batches(signatures: npt.NDArray[np.float64]) -> Iterator[npt.NDArray[np.int64]]:
-    """The shapes that are candidates of any other, or hold several parts; those that belong together in one batch."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(signatures)
-    if count == 0:
-        return
-    pairs = [(one.first, one.second) for one in candidates(signatures)]
-    several = np.flatnonzero((signatures[:, :PART] != signatures[:, PART:]).any(axis=1))
-    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
-    group = connected_components(graph, directed=False)[1]
-    involved = np.union1d(ends.ravel(), several)
-    weight = np.bincount(group[ends[:, 0]], minlength=count) + np.bincount(group[several], minlength=count)
-    batch: list[int] = []
-    held = 0
-    for own in np.unique(group[involved]):
-        if batch and held + weight[own] > _PAIRS:
-            yield np.array(batch, dtype=np.int64)
-            batch, held = [], 0
-        batch += involved[group[involved] == own].tolist()
-        held += int(weight[own])
-    if batch:
-        yield np.array(batch, dtype=np.int64)
-
-
-def _write(tools: Tools, claim: Claim, found: Sought, batch: npt.NDArray[np.int64], file: BinaryIO) -> None:
-    """A zip of the meshes by number, of their names and of their signatures."""
+def _write(tools: Tools, claim: Claim, found: Sought, batch: list[Candidate], file: BinaryIO) -> None:
+    """A zip of the pairs, and of their shapes by number: the meshes, the ids as names, and the signatures."""
+    places = sorted({place for one in batch for place in (one.first, one.second)})
+    number = {place: at for at, place in enumerate(places)}
+    pairs = [(one.distance, number[one.first], number[one.second], one.parts) for one in batch]
     with zipfile.ZipFile(file, "w") as archive, claim.kept():
         rows = io.BytesIO()
-        np.save(rows, found.signatures[batch])
+        np.save(rows, found.signatures[places])
         archive.writestr("signatures.npy", rows.getvalue())
-        archive.writestr("names.json", json.dumps([found.names[place] for place in batch]))
-        for number, place in enumerate(batch):
-            archive.writestr(f"{number}.ply", tools.blobs.get(found.meshes[place]))
+        archive.writestr("names.json", json.dumps([found.ids[place] for place in places]))
+        archive.writestr("pairs.json", json.dumps(pairs))
+        for at, place in enumerate(places):
+            archive.writestr(f"{at}.ply", tools.blobs.get(found.meshes[place]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from reebase.duplicates import CLASSES, NUMBERS, Shape, candidates, find_duplicates, signature
+from reebase.duplicates import CLASSES, NUMBERS, Candidate, Shape, candidates, find_duplicates, signature
 from reebase.duplicates.alignment import Similarity, fitted
 from reebase.errors import ParameterError
 from reebase.evaluation.disturb import DISTURBANCES
@@ -136,6 +136,21 @@ def test_copies_within_one_file_are_counted(hand: Mesh) -> None:
     assert (finding.first, finding.second, finding.copies) == ("plate", "plate", 3)
     assert "3 copies" in finding.words
     assert find_duplicates([Shape.of("two things", clean(joined(hand, moved(torus(), (far, 0, 0))))[0])]) == []
+
+
+def test_more_copies_than_are_counted_are_told_as_at_least_so_many() -> None:
+    for count, words in ((99, "holds 99 copies"), (150, "holds at least 100 copies")):
+        plate = joined(*(moved(tetrahedron(), (4.0 * at, 0, 0)) for at in range(count)))
+        (finding,) = find_duplicates([Shape.of("plate", clean(plate)[0])])
+        assert finding.copies == min(count, 100)
+        assert words in finding.words
+
+
+def test_pairs_that_are_given_are_all_that_is_compared(hand: Mesh) -> None:
+    shapes = [Shape.of(name, hand) for name in "abc"]
+    (finding,) = find_duplicates(shapes, pairs=[Candidate(0.0, 0, 2)])
+    assert (finding.first, finding.second) == ("a", "c")
+    assert find_duplicates(shapes, pairs=[]) == []
 
 
 def test_equal_bytes_need_no_comparison(hand: Mesh) -> None:
