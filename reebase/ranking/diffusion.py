@@ -37,6 +37,11 @@ the walk is slow, but there is nowhere else to go. With exp(-F), classes of thre
 STEPS = 63
 """Of the walk from either side."""
 
+NEARER = 0.1
+"""Share of the fused dissimilarity that is added: where the walk cannot tell two shapes apart, as within a tight class,
+the nearer one, which may be a copy, is first. With 0.01 to 0.3 mean average precision
+stays within 0.001 on three sets."""
+
 UNREACHED = 1000.0
 """Above every dissimilarity that the walk gives, which are logarithms of float64."""
 
@@ -63,8 +68,8 @@ def reranked_matrix(dissimilarities: Array) -> Array:
     """Re-ranked dissimilarities of all pairs of n shapes, float64, (n, n), row = query. Raises ParameterError.
 
     W = exp(-(F / NEAR)^STEEPNESS) on each shape's nearest neighbours, rows summing to 1; X <- W X W^T + I, as often as
-    ``STEPS``. The result is -log X over the largest X of the row, 0 on the diagonal; where the walk does not reach, it
-    is ``UNREACHED`` and more, in the order of F.
+    ``STEPS``. The result is -log X over the largest X of the row, plus NEARER * F, 0 on the diagonal; where the walk
+    does not reach, it is ``UNREACHED`` and more, in the order of F.
     """
     P = _walk(dissimilarities)
     X = np.eye(P.shape[0])
@@ -95,4 +100,5 @@ def _walk(dissimilarities: Array) -> csr_array[np.float64]:
 def _dissimilarities(spread: Array, fused: Array) -> Array:
     largest = spread.max(axis=-1, initial=0.0, keepdims=True)
     reached = spread > 0.0
-    return np.asarray(np.where(reached, np.log(largest / np.where(reached, spread, largest)), UNREACHED + fused))
+    walked = np.log(largest / np.where(reached, spread, largest)) + NEARER * fused
+    return np.asarray(np.where(reached, walked, UNREACHED + fused))

@@ -136,6 +136,18 @@ def precision(D: np.ndarray, label: np.ndarray) -> float:
     return float((label[near] == label[:, None]).mean())
 
 
+def test_within_a_tight_class_a_near_copy_is_first():
+    """The walk cannot tell apart what is far nearer than its scale; the distances still can."""
+    random = np.random.default_rng(3)
+    points = clusters(spread=0.02)
+    copies = points + 1e-3 * random.normal(size=points.shape)
+    for i in range(0, len(points), 5):
+        one = np.concatenate([points, copies[i : i + 1]])
+        F = np.linalg.norm(one[:, None] - one[None], axis=2)
+        assert np.argsort(reranked_matrix(F)[-1], kind="stable")[1] == i
+        assert np.argsort(rerank(F, len(points)), kind="stable")[1] == i
+
+
 def test_what_cannot_be_ranked_is_refused():
     with pytest.raises(ParameterError, match=f"no {PARTS[1]}"):
         fused_matrix({PARTS[0]: ALL[PARTS[0]]})
