@@ -75,6 +75,12 @@ def test_no_shape_of_a_label_offers_any_label(opened: Opened, zoo: dict[str, str
     expect(page.locator(".hits li").first).to_contain_text("spiders")
 
 
+def test_an_address_whose_hit_is_not_among_the_hits_says_so(opened: Opened, zoo: dict[str, str]) -> None:
+    page = opened(f"/collections/zoo/query?shape={zoo['spiders-00']}&label=spiders&hit={zoo['hands-00']}").page
+    expect(page.locator(".hits li").first).to_contain_text("spiders")
+    expect(page.locator(".results")).to_contain_text("The hit of this address is not among these.")
+
+
 def test_an_undo_that_is_refused_says_why(fresh_api: Served, opened: Opened, mesh_file: Files) -> None:
     """The same bytes came again after the deletion: two shapes cannot have them."""
     base = f"{fresh_api.url}/v1/collections"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from reebase.client import Client, Upload
 from tests.browser.conftest import CLASSES, PER_CLASS, WAIT, Seen
@@ -183,6 +183,38 @@ def test_the_map(opened: Opened, zoo: dict[str, str]) -> None:
     expect(page.locator(".map-card")).to_be_visible()
     page.keyboard.press("Enter")
     page.wait_for_url("**/shapes/**")
+
+
+def test_every_label_of_a_map_has_a_mark_of_its_own(opened: Opened, zoo: dict[str, str]) -> None:
+    def relabel(route: Route) -> None:
+        found = route.fetch().json()
+        for number, point in enumerate(found["points"]):
+            point["label"] = None if number == 0 else f"label {number:02}"
+        route.fulfill(json=found)
+
+    page = opened("/").page
+    page.route("**/v1/collections/zoo/map*", relabel)
+    page.goto("/collections/zoo/map")
+    expect(page.locator(".map a")).to_have_count(len(zoo))
+    marks = "[...document.querySelectorAll(%r)].map((p) => p.getAttribute('d') + p.getAttribute('fill'))"
+    assert len(set(page.evaluate(marks % ".map path"))) == len(zoo)
+    assert set(page.evaluate(marks % ".map-key path")) == set(page.evaluate(marks % ".map path"))
+    expect(page.locator(".legend-list li").last).to_have_text("no label")
+
+
+def test_a_hit_that_re_ranking_does_not_reach_has_words(opened: Opened, zoo: dict[str, str]) -> None:
+    def lose(route: Route) -> None:
+        found = route.fetch().json()
+        found["hits"][-1]["dissimilarity"] = 1001.5
+        route.fulfill(json=found)
+
+    page = opened("/").page
+    page.route("**/v1/collections/zoo/query", lose)
+    page.goto(f"/collections/zoo/query?shape={zoo['humans-00']}")
+    last = page.locator(".hits li").last
+    expect(last).to_contain_text("not connected")
+    last.get_by_role("link").click()
+    expect(page.locator("#compare")).to_contain_text("no chain of shapes that are alike leads here")
 
 
 def test_a_map_that_is_outdated_is_drawn_anew_on_demand(

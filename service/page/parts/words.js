@@ -33,6 +33,8 @@ const ADVICE = {
   timed_out: "Decimate the mesh and try again.",
 };
 
+const UNREACHED = 1000;
+
 const named = (words, name) => words[name] ?? String(name ?? "").replaceAll("_", " ");
 
 export const stageWords = (stage) => named(STAGES, stage);
@@ -85,3 +87,13 @@ export function brief(text) {
 }
 
 export const moment = (text) => new Date(text).toLocaleString("en", { dateStyle: "medium", timeStyle: "short" });
+
+/** Whether the walk over neighbours by which hits are re-ranked leads to this one; if not, its number says nothing. */
+export const reached = (query, { dissimilarity }) => !query.rerank || dissimilarity < UNREACHED;
+
+/** What ranks a hit, in words. */
+export function distanceWords(query, hit) {
+  if (!reached(query, hit)) return "not connected";
+  const { dissimilarity } = hit;
+  return `${query.descriptor === "srg" ? "D =" : "distance"} ${digits(dissimilarity, 3)}`;
+}

@@ -9,6 +9,7 @@ import { go, path, reload, withQuery } from "../parts/router.js";
 import { count, digits, explained, moment, percent, taskWords } from "../parts/words.js";
 import { PALETTE } from "../three/colours.js";
 
+const FORMS = ["M-9 0a9 9 0 1 0 18 0a9 9 0 1 0-18 0z", "M-8-8h16v16h-16z", "M0-11l11 11l-11 11l-11-11z", "M0-10l10 18h-20z"];
 const [SIDE, EDGE, LEAST, FLATTEST] = [1000, 40, 300, 0.8];
 
 export async function show(view) {
@@ -71,9 +72,15 @@ function range(values) {
   return [least, Math.max(...values) - least || 1];
 }
 
+/** Of the label at a place in their list: labels that share a colour differ in form; without a label it is hollow. */
+function mark(place, x, y) {
+  const at = `translate(${x.toFixed(1)} ${y.toFixed(1)})`;
+  const form = FORMS[Math.floor(Math.max(place, 0) / PALETTE.length) % FORMS.length];
+  return svg("path", { d: form, transform: at, class: place < 0 ? "hollow" : null, fill: place < 0 ? "none" : PALETTE[place % PALETTE.length] });
+}
+
 function drawn(view, map, address) {
   const labels = [...new Set(map.points.map((point) => point.label))].filter((label) => label !== null).sort();
-  const colour = (label) => (label === null ? "#8a929b" : PALETTE[labels.indexOf(label) % PALETTE.length]);
   const card = h("div", { class: "map-card", hidden: true });
   const [left, wide] = range(map.points.map((point) => point.x));
   const [low, high] = range(map.points.map((point) => point.y));
@@ -87,11 +94,12 @@ function drawn(view, map, address) {
   };
   const dots = map.points.map((point) => svg("a", { href: path`/collections/${view.params.collection}/shapes/${point.shape}`, "aria-label": `${point.name}${point.label ? `, ${point.label}` : ""}`,
     onpointerenter: () => look(point), onfocus: () => look(point), onclick: (event) => { event.preventDefault(); go(event.currentTarget.getAttribute("href")); } },
-  svg("circle", { cx: across(point.x).toFixed(1), cy: down(point.y).toFixed(1), r: 9, fill: colour(point.label) })));
+  mark(labels.indexOf(point.label), across(point.x), down(point.y))));
   const chart = svg("svg", { class: "map", viewBox: `0 0 ${SIDE} ${height.toFixed(0)}`, role: "group", "aria-label": `${count(map.points.length, "shape")} by how alike they are` }, dots);
   const only = (label) => () => map.points.forEach((point, i) => dots[i].classList.toggle("dim", label !== undefined && point.label !== label));
-  const key = h("ul", { class: "legend-list" }, labels.map((label, i) => h("li", { onpointerenter: only(label), onpointerleave: only() },
-    h("span", { class: `dot small c${i % PALETTE.length}` }), label)));
+  const named = map.points.some((point) => point.label === null) ? [...labels, null] : labels;
+  const key = h("ul", { class: "legend-list" }, named.map((label) => h("li", { onpointerenter: only(label), onpointerleave: only() },
+    svg("svg", { class: "map-key", viewBox: "-11 -11 22 22", "aria-hidden": "true" }, [mark(labels.indexOf(label), 0, 0)]), label ?? "no label")));
   return [h("div", { class: "map-place" }, chart, card), key,
     h("p", { class: "quiet small" }, `${count(map.points.length, "shape")}, drawn ${moment(map.made_at)}. `
       + (map.neighbours_kept === null ? "" : `Of the ten shapes most like each, ${percent(map.neighbours_kept)} are among the ten nearest here. `)

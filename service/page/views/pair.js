@@ -3,7 +3,7 @@
 import { h, table } from "../parts/dom.js";
 import { get, getIfThere } from "../parts/api.js";
 import { path, withQuery } from "../parts/router.js";
-import { count, digits, percent } from "../parts/words.js";
+import { count, digits, distanceWords, percent, reached } from "../parts/words.js";
 import { matchings } from "../parts/matchings.js";
 import { endpointColour, ink } from "../three/colours.js";
 import { after, rotationOnto } from "../three/frame.js";
@@ -42,8 +42,8 @@ export async function showPair({ place, answer, hit, source, collection, signal,
   let scene = null;
   const show = (way) => {
     const rows = shares(way);
-    told.textContent = summary(name, way, rows);
-    rowsAt.replaceChildren(pairs(rows), way.note ? h("p", { class: "quiet small" }, way.note) : "");
+    told.textContent = summary(name, hit.shape.name, way, rows, answer.query);
+    rowsAt.replaceChildren(pairs(rows, way), way.note ? h("p", { class: "quiet small" }, way.note) : "");
     scene?.match(way, rows);
   };
   place.replaceChildren(
@@ -52,7 +52,7 @@ export async function showPair({ place, answer, hit, source, collection, signal,
         h("a", { class: "button secondary", href: path`/collections/${collection}/shapes/${hit.shape.id}` }, "Open it"),
         h("a", { class: "button secondary", href: withQuery(path`/collections/${collection}/query`, { shape: hit.shape.id }) }, "Find similar to it"),
         h("button", { type: "button", class: "secondary", onclick: close }, "Close"))),
-    h("div", { class: "halves wide" }, stageAt, h("div", { class: "facts" }, ways.length > 1 && chooser(ways, show), told, rowsAt, parts(hit))));
+    h("div", { class: "halves wide" }, stageAt, h("div", { class: "facts" }, ways.length > 1 && chooser(ways, show), ranked(answer.query, hit), told, rowsAt, parts(hit))));
   show(ways[0]);
   place.querySelector("h2").focus({ preventScroll: true });
   const [query, other] = await Promise.all([drawable(source.address, signal), drawable(found, signal)]);
@@ -85,24 +85,32 @@ async function drawable(address, signal) {
   return { skeletons: { srg: skeleton, extended: limbs }, mesh };
 }
 
-function summary(name, way, rows) {
-  const alone = rows.filter((row) => row.query === null || row.hit === null);
+/** The number on the hit's card, where it is another than those that the matchings give. */
+function ranked(query, hit) {
+  if (matchings(query, hit)[0].name === query.descriptor) return null;
+  if (!reached(query, hit)) return h("p", { class: "quiet" }, "Re-ranking does not reach it: no chain of shapes that are alike leads here. Such hits come last.");
+  const by = `${query.descriptor.replaceAll("_", " ")}${query.rerank ? ", re-ranked by neighbours" : ""}`;
+  return h("p", { class: "quiet" }, `Ranked by ${by}: ${distanceWords(query, hit)}.`);
+}
+
+function summary(name, other, way, rows, query) {
+  const of = (pairs, alone) => `${pairs.length} of ${count(pairs.length + alone.length, ...way.units)}`;
   const most = rows[0];
-  const told = [`${way.name === "srg" ? "D" : "The distance"} = ${digits(way.dissimilarity)}.`,
-    `${count(way.pairs.length, "endpoint")} of ${name} ${way.pairs.length === 1 ? "has" : "have"} a partner`
-    + (alone.length > 0 ? `, ${count(alone.length, "endpoint")} ${alone.length === 1 ? "stays" : "stay"} alone.` : ", and none stays alone.")];
+  const number = `${way.name === "srg" ? "D" : "distance"} = ${digits(way.dissimilarity)}`;
+  const told = [way.name === query.descriptor ? `${number}.` : `By ${way.name === "srg" ? "the skeleton" : `${way.units[1]} (${way.name})`} alone, ${number}.`,
+    `Matched: ${of(way.pairs, way.unmatched_query)} of ${name}, ${of(way.pairs, way.unmatched_hit)} of ${other}.`];
   if (most && most.share > 0)
-    told.push(most.query === null || most.hit === null ? `An endpoint without a partner counts most: ${percent(most.share)} of it.`
-      : `The pair that differs most is ${most.query} with ${most.hit}: ${percent(most.share)} of it.`);
+    told.push(most.query === null || most.hit === null ? `One without a partner counts most: ${percent(most.share)} of it.`
+      : `The pair ${most.query} differs most: ${percent(most.share)} of it.`);
   return told.join(" ");
 }
 
-function pairs(rows) {
+function pairs(rows, way) {
   const dot = (number, colour) => (number === null ? h("span", { class: "quiet" }, "alone") : h("span", { class: `dot ${colour}` }, String(number)));
   const colour = (row) => (row.query === null || row.hit === null ? "alone" : `c${row.query % 10}`);
-  return table("Matched endpoints, and what each adds to the distance", [
+  return table(`Matched ${way.units[1]}, and what each adds to the distance`, [
     { title: "Query", cell: (row) => dot(row.query, colour(row)) },
-    { title: "Hit", cell: (row) => dot(row.hit, colour(row)) },
+    { title: "Hit", cell: (row) => dot(row.hit === null ? null : row.query ?? row.hit, colour(row)) },
     { title: "Φ", number: true, cell: (row) => digits(row.amount, 3) },
     { title: "Share", number: true, cell: (row) => h("span", { class: "share" }, h("meter", { min: 0, max: 1, value: row.share, "aria-hidden": "true" }), percent(row.share)) },
   ], rows, { id: "pairs" });

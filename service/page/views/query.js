@@ -9,7 +9,7 @@ import { thumbnail } from "../parts/pictures.js";
 import { failure, go, path, remember, step, withQuery } from "../parts/router.js";
 import { choices, rankable } from "../parts/choices.js";
 import { matchings } from "../parts/matchings.js";
-import { count, digits, explained, flagWords, taskWords } from "../parts/words.js";
+import { count, digits, distanceWords, explained, flagWords, reached, taskWords } from "../parts/words.js";
 
 const spaced = (name) => name.replaceAll("_", " ");
 const TERMS = ["descriptor", "rerank", "measure", "tolerance", "k", "label"];
@@ -110,10 +110,14 @@ async function terms(view, answer, shape, task) {
 function fill(view, results, answer, source, offered) {
   const { hits, query } = answer;
   const address = path`/v1/collections/${view.params.collection}/shapes`;
-  const most = Math.max(...hits.map((hit) => hit.dissimilarity), 1e-12);
-  const told = `${hits.length === 0 ? "No hit" : count(hits.length, "hit")} among ${count(answer.considered, "shape")} that were compared; this mesh has ${count(query.endpoint_count, "endpoint")}. ${digits(answer.took_ms, 2)} ms.`;
+  const most = Math.max(...hits.filter((hit) => reached(query, hit)).map((hit) => hit.dissimilarity), 1e-12);
+  const chosen = hits.find((hit) => hit.shape.id === view.query.hit);
+  const told = `${hits.length === 0 ? "No hit" : count(hits.length, "hit")} among ${count(answer.considered, "shape")} that were compared; this mesh has ${count(query.endpoint_count, "endpoint")}. `
+    + (query.tolerance === null ? "" : `Shapes ${query.tolerance === 0 ? "with another number" : `whose number differs by more than ${query.tolerance}`} were not. `)
+    + `${digits(answer.took_ms, 2)} ms.`;
   results.append(h("p", { class: "quiet", role: "status" }, told),
-    ...query.flags.map((flag) => h("span", { class: "chip" }, flagWords(flag))),
+    ...(query.flags.length === 0 ? [] : [h("p", { class: "quiet" }, "Unusual about this mesh: ", query.flags.map((flag) => h("span", { class: "chip" }, flagWords(flag))))]),
+    ...(view.query.hit && !chosen ? [h("p", { class: "flag" }, "The hit of this address is not among these. With other terms, or more hits, it may be.")] : []),
     ...answer.left_out.map((left) => leftOut(view, left, offered.of(query.descriptor).parts)),
     hits.length === 0 ? nothing(view, answer)
       : h("ol", { class: "cards hits" }, hits.map((hit) => card(query, hit, address, most, source.shape?.label, (event) => {
@@ -121,7 +125,6 @@ function fill(view, results, answer, source, offered) {
         step({ hit: hit.shape.id });
         explain(view, answer, hit, source);
       }))));
-  const chosen = hits.find((hit) => hit.shape.id === view.query.hit);
   if (chosen) explain(view, answer, chosen, source);
 }
 
@@ -166,7 +169,7 @@ function card(query, hit, address, most, label, onclick) {
     thumbnail(`${address}/${hit.shape.id}/thumbnail`),
     h("strong", { title: hit.shape.name }, `${hit.rank}. ${hit.shape.name}`),
     hit.shape.label && h("span", { class: "quiet small" }, hit.shape.label, same && h("span", { class: "good" }, " ✓ same label")),
-    h("span", { class: "measured small" }, h("span", { class: "number" }, `${query.descriptor === "srg" ? "D =" : "distance"} ${digits(hit.dissimilarity, 3)}`),
+    h("span", { class: "measured small" }, h("span", { class: "number" }, distanceWords(query, hit)),
       h("meter", { min: 0, max: most, value: hit.dissimilarity, "aria-hidden": "true" })),
     h("span", { class: "quiet small" }, matchedWords(matchings(query, hit)[0]))));
 }
@@ -193,6 +196,7 @@ async function explain(view, answer, hit, source) {
       explain(view, answer, next, source);
     } }, by < 0 ? "←" : "→");
   };
+  addEventListener("keydown", (event) => { if (event.key === "Escape" && !document.querySelector("dialog[open]")) close(); }, { signal: mine.signal });
   try {
     const { showPair } = await import("./pair.js");
     await showPair({ place, answer, hit, source, collection: view.params.collection, signal: mine.signal, close, steps: [beside(-1), beside(1)] });
