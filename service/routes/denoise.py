@@ -20,7 +20,7 @@ from service.replay import REPLAYED, json_response, once, same_request
 from service.routes.about import WRITTEN
 from service.routes.common import IdempotencyKey, IdPath, api_router
 from service.routes.documents import DENOISE
-from service.routes.tasks import ASKED_BY, visible_task
+from service.routes.tasks import ASKED_BY, own_task
 from service.schemas.denoise import DenoisedValue, DenoisingParameters, PendingDenoising
 from service.uploads import Upload, received
 from service.values import task_value
@@ -131,8 +131,8 @@ def _value(task: Task) -> DenoisedValue:
     )
 
 
-def _denoised(conn: Connection, principal: Principal, task: str) -> tuple[Task, str]:
-    found = visible_task(conn, principal, task)
+def _denoised(conn: Connection, here: Context, principal: Principal, task: str) -> tuple[Task, str]:
+    found = own_task(conn, here, principal, task)
     if found.kind != "denoise":
         raise TaskNotFound(f"The task {found.id} denoises no mesh; it is of the kind {found.kind}.")
     return found, outputs.find(conn, found, "mesh")
@@ -140,9 +140,12 @@ def _denoised(conn: Connection, principal: Principal, task: str) -> tuple[Task, 
 
 @router.get("/denoise/{task}", operation_id="getDenoised", summary="What was done to a mesh")
 def get_denoised(here: Here, principal: Reader, task: IdPath) -> DenoisedValue:
-    """The answer of the request that was answered with this task, once it succeeded."""
+    """The answer of the request that was answered with this task, once it succeeded.
+
+    Only for the API key that asked, and for those with the scope admin, as the mesh is.
+    """
     with here.database.read() as conn:
-        return _value(_denoised(conn, principal, task)[0])
+        return _value(_denoised(conn, here, principal, task)[0])
 
 
 @router.get(
@@ -158,7 +161,7 @@ def get_denoised_mesh(
     from reebase.mesh.write import to_bytes
 
     with here.database.read() as conn:
-        _, sha256 = _denoised(conn, principal, task)
+        _, sha256 = _denoised(conn, here, principal, task)
 
     def content() -> bytes:
         data = here.blobs.get(sha256)

@@ -16,7 +16,7 @@ from service.auth import Principal, Reader
 from service.conditional import unless_unchanged
 from service.context import Context, Here
 from service.routes.common import CollectionPath, IdPath, SkeletonOf, api_router, open_collection
-from service.routes.tasks import visible_task
+from service.routes.tasks import own_task
 from service.schemas.drawn import FieldInfo, FieldsValue
 from service.schemas.shapes import SkeletonValue
 from store import outputs, results, shapes
@@ -137,7 +137,7 @@ def get_field(
 
 def _of_task(request: Request, here: Context, principal: Principal, task: str, what: str) -> Response:
     with here.database.read() as conn:
-        sha256 = outputs.find(conn, visible_task(conn, principal, task), what)
+        sha256 = outputs.find(conn, own_task(conn, here, principal, task), what)
     return _blob(request, here, sha256, what)
 
 
@@ -146,7 +146,10 @@ def _of_task(request: Request, here: Context, principal: Principal, task: str, w
     response_class=Response, responses=_THUMBNAIL,
 )  # fmt: skip
 def get_task_thumbnail(request: Request, here: Here, principal: Reader, task: IdPath) -> Response:
-    """As that of a shape, for the mesh that a query brought; kept as long as the task."""
+    """As that of a shape, for the mesh that a query brought; kept as long as the task.
+
+    Only for the API key that asked, and for those with the scope admin.
+    """
     return _of_task(request, here, principal, task, "thumbnail")
 
 
@@ -155,7 +158,10 @@ def get_task_thumbnail(request: Request, here: Here, principal: Reader, task: Id
     response_class=Response, responses=_DISPLAY,
 )  # fmt: skip
 def get_task_display(request: Request, here: Here, principal: Reader, task: IdPath) -> Response:
-    """As that of a shape, for the mesh that a query brought; kept as long as the task."""
+    """As that of a shape, for the mesh that a query brought; kept as long as the task.
+
+    Only for the API key that asked, and for those with the scope admin.
+    """
     return _of_task(request, here, principal, task, "display")
 
 
@@ -166,5 +172,8 @@ def get_task_display(request: Request, here: Here, principal: Reader, task: IdPa
 def get_task_skeleton(
     request: Request, here: Here, principal: Reader, task: IdPath, of: SkeletonOf = "srg"
 ) -> Response:
-    """As that of a shape, for the mesh that a query brought; kept as long as the task."""
+    """As that of a shape, for the mesh that a query brought; kept as long as the task.
+
+    Only for the API key that asked, and for those with the scope admin.
+    """
     return _of_task(request, here, principal, task, "skeleton" if of == "srg" else "limbs")

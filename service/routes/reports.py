@@ -73,15 +73,27 @@ def create_report(
 
 
 def _check_alike(found: list[Evaluation]) -> None:
-    """Raises ResultNotFound for one that has not succeeded, ParameterError for one of other shapes than the first."""
-    rows = [item["id"] for item in found[0].items or []]
+    """All matrices are scored by the labels of the first.
+
+    Raises ResultNotFound for one that has not succeeded, ParameterError for one of other shapes or labels.
+    """
+    first = _labels(found[0])
     for one in found:
         evaluations.matrix_of(one)
-        if [item["id"] for item in one.items or []] != rows:
-            raise ParameterError(
-                f"The evaluations {found[0].id} and {one.id} are not of the same shapes; evaluate both again.",
-                parameter="evaluations",
-            )
+        labels = _labels(one)
+        if labels == first:
+            continue
+        apart = "are not of the same shapes"
+        if [shape for shape, _ in labels] == [shape for shape, _ in first]:
+            changed = sum(before != after for before, after in zip(labels, first, strict=True))
+            apart = f"are of different labels: {changed} of {len(first)} shapes changed theirs between them"
+        raise ParameterError(
+            f"The evaluations {found[0].id} and {one.id} {apart}; evaluate both again.", parameter="evaluations"
+        )
+
+
+def _labels(one: Evaluation) -> list[tuple[str, str]]:
+    return [(item["id"], item["label"]) for item in one.items or []]
 
 
 @router.get(

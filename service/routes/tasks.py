@@ -20,10 +20,12 @@ from store import tasks
 from store.errors import TaskNotFound
 from store.records import Task, TaskKind
 
-__all__ = ["ASKED_BY", "router", "visible_task"]
+__all__ = ["ASKED_BY", "own_task", "router", "visible_task"]
 
 ASKED_BY = "asked_by"
-"""The parameter of a query's task that names the key that asked."""
+"""The parameter of the task of a query or a denoising that names the key that asked."""
+
+_OWN = frozenset({"query", "denoise"})
 
 router = api_router("tasks")
 
@@ -32,8 +34,26 @@ def visible_task(conn: Connection, principal: Principal, task_id: str) -> Task:
     """The task. Raises TaskNotFound, also for a task of a collection that the key does not open."""
     task = tasks.get(conn, task_id)
     if not principal.sees(task.collection_id):
-        raise TaskNotFound(f"There is no task {task_id[:80]!r}.")
+        raise _absent(task_id)
     return task
+
+
+def own_task(conn: Connection, here: Context, principal: Principal, task_id: str) -> Task:
+    """The task whose files are asked for. Raises TaskNotFound.
+
+    What was made of a mesh that is kept in no collection is for the key that sent it, and for keys with the scope
+    admin; where no keys are needed, for everyone.
+    """
+    task = visible_task(conn, principal, task_id)
+    if task.kind not in _OWN or here.settings.anonymous or principal.scope == "admin":
+        return task
+    if principal.key_id is None or task.params.get(ASKED_BY) != principal.key_id:
+        raise _absent(task_id)
+    return task
+
+
+def _absent(task_id: str) -> TaskNotFound:
+    return TaskNotFound(f"There is no task {task_id[:80]!r}.")
 
 
 @router.get("/tasks", operation_id="listTasks", summary="Tasks, newest first")

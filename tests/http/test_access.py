@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -9,13 +10,17 @@ from pathlib import Path
 
 import httpx
 import pytest
+from sqlalchemy import update
 
 from service.guards import host_name
 from service.rates import RateLimiter
 from service.routes import about
 from service.settings import ServiceSettings
-from store import keys
+from store import keys, outputs, tables, tasks
+from store.engine import Database
 from store.errors import StorageFull
+from store.records import Task
+from store.sql import now
 from tests.http.serving import Served, api_alone
 from tests.http.test_problems import is_problem
 from tests.http.test_uploads import different
@@ -284,3 +289,70 @@ def test_probes_answer_while_every_thread_is_busy(tmp_path: Path, monkeypatch: p
         finally:
             free.set()
         assert {one.result().status_code for one in asked} == {200}
+
+
+def held(database: Database, task_id: str) -> Task:
+    """A queued task, now as if a worker had claimed it."""
+    with database.write() as conn:
+        change = update(tables.task).where(tables.task.c.id == task_id)
+        conn.execute(change.values(state="running", attempt=1, worker="w", lease_until=now(60)))
+        return tasks.get(conn, task_id)
+
+
+def finish(served: Served, task_id: str, made: tuple[str, ...]) -> None:
+    """Ends a queued task as its worker would, with files of a few bytes."""
+    database, blobs = served.database(), served.blobs()
+    task = held(database, task_id)
+    names = {name: blobs.put_if_absent(json.dumps([name, task_id]).encode()) for name in made}
+    with database.write() as conn:
+        result = {} if task.kind == "query" else DENOISED
+        outputs.complete(conn, task, result, names)
+    database.close()
+
+
+DENOISED = {
+    "method": "mean", "iterations": 1, "boundary": "curve", "parameters": {}, "choice": None, "vertices": 3, "faces": 1,
+    "mean_edge_length": 1.0,    "displacement": {"mean": 0.0, "largest": 0.0}, "errors": None,
+}  # fmt: skip
+
+
+def ask_both(client: httpx.Client, served: Served, seed: int) -> list[str]:
+    """The addresses of what a finished query and a finished denoising made."""
+    client.post("/v1/collections", json={"name": "fetched"})
+    query = client.post("/v1/collections/fetched/query?wait=0", content=different(seed)).json()["task"]["id"]
+    denoising = client.post("/v1/denoise?wait=0", content=different(seed + 1)).json()["task"]["id"]
+    finish(served, query, ("thumbnail", "display", "skeleton", "limbs"))
+    finish(served, denoising, ("mesh",))
+    drawn = [f"/v1/tasks/{query}/{what}" for what in ("thumbnail", "display", "skeleton", "skeleton?of=extended")]
+    return [*drawn, f"/v1/denoise/{denoising}", f"/v1/denoise/{denoising}/mesh"]
+
+
+def test_what_was_made_of_a_mesh_that_is_not_kept_is_for_the_key_that_sent_it(keyed: Make, guarded: Served) -> None:
+    admin, reader, writer, other = keyed("admin"), keyed("read"), keyed("write"), keyed("read")
+    admin.post("/v1/collections", json={"name": "fetched"}).raise_for_status()
+    inside = keyed("write", "fetched")
+    addresses = ask_both(reader, guarded, 80)
+    for address in addresses:
+        for client in (reader, admin):
+            assert client.get(address).status_code == 200, address
+        etag = reader.get(address).headers.get("etag")
+        for client in (writer, other, inside):
+            headers = {} if etag is None else {"If-None-Match": etag}
+            refused = is_problem(client.get(address, headers=headers), 404, "task_not_found")
+            # As of a task that there never was.
+            task = address.split("/")[3]
+            absent = client.get(address.replace(task, "0" * len(task))).json()["detail"]
+            assert refused["detail"] == absent.replace("0" * len(task), task)
+
+
+def test_where_no_keys_are_needed_everyone_fetches_everything(tmp_path: Path) -> None:
+    with api_alone(tmp_path / "open") as served:
+        database = served.database()
+        with database.write() as conn:
+            secrets = [keys.create(conn, "write")[1] for _ in range(2)]
+        database.close()
+        one, other = (served.client(headers={"Authorization": f"Bearer {secret}"}) for secret in secrets)
+        with one, other, served.client() as nobody:
+            for address in ask_both(one, served, 90) + ask_both(nobody, served, 92):
+                for client in (one, other, nobody):
+                    assert client.get(address).status_code == 200, address

@@ -11,6 +11,9 @@ from typing import Any
 import httpx
 import pytest
 
+from store import evaluations
+from tests.http.serving import Served
+from tests.http.test_access import held
 from tests.http.test_main_job import ended, indexed, uploaded
 from tests.http.test_plots import evaluated
 from tests.http.test_problems import is_problem
@@ -70,3 +73,23 @@ def test_refusals(http: httpx.Client, compared: list[dict[str, Any]]) -> None:
 def test_one_that_is_not_finished_is_not_reported(api: httpx.Client, shelf: str) -> None:
     waiting = api.post("/v1/evaluations", json={"collection": shelf.rpartition("/")[2]}).json()["id"]
     is_problem(api.post("/v1/reports", json={"evaluations": [waiting]}), 404, "result_not_found")
+
+
+def test_labels_that_changed_between_evaluations(api: httpx.Client, alone: Served, shelf: str) -> None:
+    database, name = alone.database(), shelf.rpartition("/")[2]
+    matrix = alone.blobs().put_if_absent(b"of any three shapes")
+
+    def made(shapes: str, labels: str) -> str:
+        asked = api.post("/v1/evaluations", json={"collection": name}).json()
+        task = held(database, asked["task"]["id"])
+        items = [{"id": id, "name": f"n{id}", "label": label} for id, label in zip(shapes, labels, strict=True)]
+        with database.write() as conn:
+            evaluations.complete(conn, task, {"map": 0.5}, items=items, matrix_sha256=matrix)
+        return str(asked["id"])
+
+    first, same, relabelled, others = made("123", "aab"), made("123", "aab"), made("123", "abb"), made("124", "aab")
+    database.close()
+    assert api.post("/v1/reports", json={"evaluations": [first, same]}).status_code == 202
+    for other, words in ((relabelled, "1 of 3 shapes changed theirs"), (others, "not of the same shapes")):
+        refused = api.post("/v1/reports", json={"evaluations": [first, same, other]})
+        assert words in is_problem(refused, 422, "invalid_parameter")["detail"]
