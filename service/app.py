@@ -73,6 +73,7 @@ def create_app(settings: ServiceSettings | None = None) -> FastAPI:
     )  # fmt: skip
     app.state.stopping = threading.Event()
     app.state.allowed_methods = allowed_methods
+    app.state.lost_page = pages.lost_page
     problems.install(app)
     for router in _ROUTERS:
         app.include_router(router)

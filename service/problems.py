@@ -328,7 +328,8 @@ def _framework(request: Request, error: HTTPException) -> Response:
     if isinstance(error.__cause__, ClientDisconnect):
         return problem_response(request, http.ClientGone())
     if error.status_code == 404:
-        return problem_response(request, http.RouteNotFound(f"There is nothing at {request.url.path}."))
+        lost: Response | None = request.app.state.lost_page(request)
+        return lost or problem_response(request, http.RouteNotFound(f"There is nothing at {request.url.path}."))
     if error.status_code == 405:
         allowed = request.app.state.allowed_methods(request.url.path)
         message = f"{request.url.path} does not take {request.method}; it takes {', '.join(allowed)}."

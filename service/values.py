@@ -11,7 +11,7 @@ from service.schemas.common import ErrorValue, Progress
 from service.schemas.evaluations import EvaluationValue
 from service.schemas.shapes import ShapeValue
 from service.schemas.tasks import TaskValue
-from store import collections, tasks
+from store import collections, shapes, tasks
 from store.errors import NotFound
 from store.records import Collection, Evaluation, Shape, Task
 
@@ -71,7 +71,9 @@ def _thumbnail(collection: Collection, shape: Shape) -> str | None:
 
 
 def task_values(conn: Connection, found: Iterable[Task]) -> list[TaskValue]:
-    """Tasks, with the names of their collections where these are still there."""
+    """Tasks, with the names of their collections and shapes where these are still there."""
+    found = list(found)
+    there = shapes.by_ids(conn, filter(None, (task.shape_id for task in found)))
     names: dict[str, str | None] = {}
     values = []
     for task in found:
@@ -80,7 +82,8 @@ def task_values(conn: Connection, found: Iterable[Task]) -> list[TaskValue]:
                 names[task.collection_id] = collections.by_id(conn, task.collection_id).name
             except NotFound:
                 names[task.collection_id] = None
-        values.append(_task_value(task, names.get(task.collection_id or "")))
+        shape = there.get(task.shape_id or "")
+        values.append(_task_value(task, names.get(task.collection_id or ""), shape.name if shape else None))
     return values
 
 
@@ -88,9 +91,9 @@ def task_value(conn: Connection, task: Task) -> TaskValue:
     return task_values(conn, [task])[0]
 
 
-def _task_value(task: Task, collection: str | None) -> TaskValue:
+def _task_value(task: Task, collection: str | None, shape_name: str | None) -> TaskValue:
     return TaskValue(
-        id=task.id, kind=task.kind, state=task.state, collection=collection, shape=task.shape_id,
+        id=task.id, kind=task.kind, state=task.state, collection=collection, shape=task.shape_id, shape_name=shape_name,
         progress=Progress(stage=task.stage, fraction=task.fraction), error=error_value(task),
         result=None if task.kind in _RESULTS_ELSEWHERE else task.result, attempt=task.attempt, crashes=task.crashes,
         cancel_requested=task.cancel_requested, created_at=task.created_at, started_at=task.started_at,

@@ -19,6 +19,9 @@ _WIDE = 560
 """Curves that are named inside the plot; pixels for the names beside it where there are more, and from which width on
 there is room beside it and not below."""
 
+_CROWD = 0.9
+"""Share of the values in a tenth of their range from which on colours stand for ranks."""
+
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
 
 Curve = tuple[Sequence[float] | npt.NDArray[np.float64], Sequence[float] | npt.NDArray[np.float64]]
@@ -83,12 +86,13 @@ def precision_recall_plot(
 
 def matrix_plot(
     values: npt.NDArray[np.float64], labels: Sequence[str], *, title: str | None = None,
-    format: str = "png", size: int = 720, theme: str = "light",
+    format: str = "png", size: int = 720, theme: str = "light", ranks: bool | None = None,
 ) -> bytes:  # fmt: skip
     """The matrix of dissimilarities (n, n), dark where shapes are alike, a line between classes.
 
-    labels: class of each row, (n,); sort rows by class first. Raises ParameterError, UnknownName,
-    MissingPackage.
+    labels: class of each row, (n,); sort rows by class first. ranks: colours stand for the rank of a value among
+    all, in [0, 1], instead of for the value; by default where most values lie so close together that they would
+    all have one colour. Raises ParameterError, UnknownName, MissingPackage.
     """
     matrix = np.asarray(values, dtype=np.float64)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
@@ -108,6 +112,10 @@ def matrix_plot(
     axes = figure.add_axes((left, bottom, side, tall))
     finite = matrix[np.isfinite(matrix)]
     high = float(np.quantile(finite, 0.98)) if finite.size else 1.0
+    if ranks is None:
+        ranks = _crowded(finite, high)
+    if ranks:
+        matrix, high = _ranked(matrix), 1.0
     image = axes.imshow(
         np.ma.masked_invalid(matrix), cmap="viridis", vmin=0, vmax=high or 1.0, interpolation="nearest"
     )  # fmt: skip
@@ -123,15 +131,37 @@ def matrix_plot(
     _plain(axes, colours)
     axes.tick_params(length=0, labelsize=8.5)
     beside = figure.add_axes((left + side + 0.025, bottom, 0.018, tall))
-    bar = figure.colorbar(image, cax=beside, extend="max")
+    bar = figure.colorbar(image, cax=beside, extend="neither" if ranks else "max")
     bar.outline.set_visible(False)
     bar.ax.tick_params(labelsize=8, colors=colours.soft, length=0)
-    bar.ax.set_title("D", fontsize=10, color=colours.ink, pad=14)
+    if ranks:
+        bar.set_ticks([0, 0.5, 1], labels=["0", "½", "1"])
+        bar.set_label("rank of the dissimilarity", fontsize=9, color=colours.ink)
+    else:
+        bar.ax.set_title("D", fontsize=10, color=colours.ink, pad=14)
     if title:
         figure.text(
             left, bottom + tall + 0.03, title, fontsize=12, color=colours.ink, fontweight="bold", parse_math=False
         )  # fmt: skip
     return encoded(figure, format)
+
+
+def _crowded(values: npt.NDArray[np.float64], high: float) -> bool:
+    """Whether two twentieths of the range from 0 to ``high`` hold nine tenths of the values."""
+    counts, _ = np.histogram(values, bins=20, range=(0.0, high)) if high > 0 else (np.zeros(20, dtype=int), None)
+    return bool(np.sort(counts)[-2:].sum() >= _CROWD * len(values) > 0)
+
+
+def _ranked(matrix: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The rank of each finite value among all of them, from 0 to 1, equal values at their middle; else NaN."""
+    ranked = np.full(matrix.shape, np.nan)
+    finite = np.isfinite(matrix)
+    _, place, counts = np.unique(matrix[finite], return_inverse=True, return_counts=True)
+    if len(counts):
+        middles = np.cumsum(counts) - (counts + 1) / 2
+        spread = middles - middles[0]
+        ranked[finite] = (spread / (spread[-1] or 1.0))[place]
+    return ranked
 
 
 def _plain(axes: Any, colours: Theme) -> None:

@@ -17,7 +17,7 @@ from service.conditional import unless_unchanged
 from service.errors import RouteNotFound
 from service.problems import catalogue
 
-__all__ = ["router"]
+__all__ = ["lost_page", "router"]
 
 router = APIRouter(include_in_schema=False)
 
@@ -40,6 +40,17 @@ class _File(NamedTuple):
 def page(request: Request) -> Response:
     """The page: which of its views is shown, its script reads from the address."""
     return _sent(request, _PAGE / "index.html")
+
+
+def lost_page(request: Request) -> Response | None:
+    """What a browser shows where there is nothing: the page says so itself. None where a program asks."""
+    wanted = "text/html" in request.headers.get("accept", "")
+    inside = request.url.path.partition("/")[2].partition("/")[0] in ("v1", "page")
+    if request.method != "GET" or inside or not wanted:
+        return None
+    path = _PAGE / "index.html"
+    plain = _read(path, path.stat().st_mtime_ns).plain
+    return HTMLResponse(plain, 404, {"Cache-Control": "no-store", "Vary": "Accept"})
 
 
 @router.get("/page/{name:path}")

@@ -96,10 +96,12 @@ def get_plot(
     else:
         sha256 = evaluations.matrix_of(found)
         labels = [item["label"] for item in found.items or []]
+        # D of a fused or re-ranked answer orders shapes; how far apart its values are means nothing.
+        ranks = True if report.get("descriptor") == "fused" or report.get("rerank") else None
 
         def draw() -> bytes:
             merged, names = blocks(evaluations.matrix_rows(here.blobs, sha256), labels)
-            return pictures.matrix_plot(merged, names, format="svg", theme=theme)
+            return pictures.matrix_plot(merged, names, format="svg", theme=theme, ranks=ranks)
 
     return _svg(request, here, f"{found.id}-{plot}-{theme}", draw)
 

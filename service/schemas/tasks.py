@@ -20,6 +20,7 @@ class TaskValue(Value):
     progress: Progress
     collection: str | None = Field(description="Name of its collection; null when it has none or it is gone.")
     shape: str | None = Field(description="Id of the shape that it describes.")
+    shape_name: str | None = Field(None, description="Its name; null when it has none or is gone.")
     error: ErrorValue | None
     result: dict[str, Any] | None = Field(description="What it answers, where that is read nowhere else; not in lists.")
     attempt: int

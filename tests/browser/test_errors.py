@@ -29,6 +29,7 @@ def test_files_that_are_no_meshes(opened: Opened, service: Served, zoo: dict[str
     lines = page.locator("#uploads li")
     expect(lines.filter(has_text="notes.txt").locator(".bad")).to_contain_text("Save it as PLY, OBJ")
     expect(lines.filter(has_text="cut.ply").locator(".bad")).to_contain_text("Export or download it again.")
+    expect(page.locator("#uploads-title")).to_have_text("No shape is ready")
     seen.forget("415")
     page.locator(".cards li").first.get_by_role("link").click()
     expect(page.get_by_role("heading", name="This mesh could not be described")).to_be_visible()
@@ -43,23 +44,28 @@ def test_a_query_with_a_file_that_is_no_mesh(opened: Opened, zoo: dict[str, str]
 
 
 @pytest.mark.parametrize(
-    ("path", "said", "status"),
+    ("path", "said", "status", "way", "there"),
     [
-        ("/collections/absent", "There is no collection", "404"),
-        ("/collections/zoo/shapes/0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "There is no shape", "404"),
-        ("/evaluations/0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "There is no evaluation", "404"),
-        ("/collections/zoo/nothing", "There is nothing at this address", None),
+        ("/collections/absent", "There is no collection", "404", "To the shapes", "Which shapes are like this one"),
+        ("/collections/zoo/shapes/0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "There is no shape", "404", "To zoo", "zoo"),
+        (
+            "/evaluations/0199b4c0-7d5e-7000-8000-2f6f3a9f0001", "There is no evaluation", "404", "To the evaluations",
+            "Evaluations",
+        ),
+        ("/collections/zoo/nothing", "There is nothing at this address", None, "To the shapes", "Which shapes"),
+        ("/nope", "There is nothing at this address", "404", "To the shapes", "Which shapes"),
+        ("/tasks/xyz", "There is nothing at this address", "404", "To the shapes", "Which shapes"),
     ],
-)
+)  # fmt: skip
 def test_addresses_that_lead_nowhere(
-    opened: Opened, zoo: dict[str, str], path: str, said: str, status: str | None
+    opened: Opened, zoo: dict[str, str], path: str, said: str, status: str | None, way: str, there: str
 ) -> None:
     seen = opened(path)
     expect(seen.page.locator("#main")).to_contain_text(said)
     if status:
         seen.forget(status)
-    seen.page.get_by_role("link", name="To the shapes").click()
-    expect(seen.page.get_by_role("heading", level=1)).to_contain_text("Which shapes are like this one")
+    seen.page.get_by_role("link", name=way).click()
+    expect(seen.page.get_by_role("heading", level=1)).to_contain_text(there)
 
 
 def test_no_hit_says_what_to_change(opened: Opened, service: Served, zoo: dict[str, str]) -> None:

@@ -269,9 +269,12 @@ def test_tasks_are_cancelled_and_tried_again(fresh_api: Served, opened: Opened, 
     """Where no worker runs, a task waits for as long as a test needs."""
     base = f"{fresh_api.url}/v1"
     httpx.post(f"{base}/collections", json={"name": "waiting"}).raise_for_status()
-    httpx.post(f"{base}/collections/waiting/shapes", content=mesh_file("a.ply").read_bytes()).raise_for_status()
+    mesh = mesh_file("named.ply").read_bytes()
+    httpx.post(f"{base}/collections/waiting/shapes", files={"file": ("named.ply", mesh)}).raise_for_status()
     page = opened("/tasks", url=fresh_api.url).page
     page.get_by_role("button", name="Cancel: Describe a shape").click()
     expect(page.locator("tbody tr")).to_contain_text("cancelled")
     page.get_by_role("button", name="Try again: Describe a shape").click()
     expect(page.locator("tbody tr")).to_contain_text("waiting")
+    page.locator("tbody").get_by_role("link", name="named").click()
+    page.wait_for_url("**/collections/waiting/shapes/**")

@@ -262,3 +262,14 @@ def test_a_given_request_id_comes_back(api: httpx.Client) -> None:
     assert api.get("/livez", headers={"X-Request-ID": "abc-1"}).headers["x-request-id"] == "abc-1"
     strange = api.get("/livez", headers={"X-Request-ID": "a b\tc"}).headers["x-request-id"]
     assert re.fullmatch(r"[0-9a-f-]{36}", strange)
+
+
+def test_a_browser_gets_the_page_where_there_is_nothing_and_a_program_a_problem(api: httpx.Client) -> None:
+    browser = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+    for path in ("/nope", "/tasks/xyz"):
+        reply = api.get(path, headers=browser)
+        assert (reply.status_code, reply.headers["content-type"]) == (404, "text/html; charset=utf-8")
+        assert reply.content == api.get("/").content
+        is_problem(api.get(path), 404, "route_not_found")
+    for path in ("/v1", "/v1/nope", "/page/nope.js"):
+        is_problem(api.get(path, headers=browser), 404, "route_not_found")

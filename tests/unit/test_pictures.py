@@ -219,6 +219,17 @@ def test_plots_are_files_of_their_kind() -> None:
     assert matrix_plot(np.zeros((1, 1)), ["one"], size=100).startswith(PNG)
 
 
+def test_a_matrix_whose_values_crowd_is_coloured_by_rank() -> None:
+    labels = ["ants"] * 3 + ["crabs"] * 3
+    spread = np.abs(np.subtract.outer(np.arange(6.0), np.arange(6.0)))
+    crowded = np.where(spread < 3, spread * 1e-3, 1000 + spread)
+    assert b"rank of the dissimilarity" in matrix_plot(crowded, labels, format="svg")
+    assert b"rank of the dissimilarity" not in matrix_plot(spread, labels, format="svg")
+    # Ranks do not change where the order does not.
+    assert matrix_plot(crowded, labels) == matrix_plot(spread, labels, ranks=True)
+    assert matrix_plot(crowded, labels, ranks=False) != matrix_plot(crowded, labels)
+
+
 def test_titles_fit_their_panel_and_survive_any_character() -> None:
     assert printable("two\nlines", 500, 10) == "two lines"
     assert len(printable("x" * 1000, 200, 10)) < 30

@@ -1,5 +1,7 @@
 // Elements without a framework: h("p", { class: "quiet" }, "text", child).
 
+import { brief, moment } from "./words.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 
 function filled(element, properties, children) {
@@ -44,6 +46,11 @@ export function table(caption, columns, rows, properties = {}) {
     h("thead", {}, h("tr", {}, columns.map((column) => h("th", { scope: "col", class: kind(column) }, column.title)))),
     h("tbody", {}, rows.map((row) => h("tr", {}, columns.map((column, i) =>
       h(i === 0 ? "th" : "td", { class: kind(column), scope: i === 0 ? "row" : null }, column.cell(row))))))));
+}
+
+/** A moment in a table: short, the whole of it as its title. */
+export function time(text) {
+  return h("time", { datetime: text, title: moment(text) }, brief(text));
 }
 
 /** What a view shows where there is nothing yet: a title, a sentence, and what to do. */

@@ -90,12 +90,20 @@ async function render({ moved }) {
   }
 }
 
+/** The way to what is there, from something that is not: a shape's collection, the list of evaluations, or the start. */
+function above(code) {
+  const collection = code === "shape_not_found" && /^\/collections\/([^/]+)/.exec(location.pathname)?.[1];
+  const [text, href] = code === "evaluation_not_found" ? ["To the evaluations", "/evaluations"]
+    : collection ? [`To ${decodeURIComponent(collection)}`, `/collections/${collection}`] : ["To the shapes", "/"];
+  return h("a", { class: "button", href }, text);
+}
+
 /** What is shown in place of a view that cannot be. */
 export function failure(error) {
   if (!(error instanceof Refused) && error.code !== "unreachable") console.error(error);
   const gone = error.status === 404;
   return empty(gone ? "This is not here" : "This could not be shown", error.message,
-    gone ? h("a", { class: "button", href: "/" }, "To the shapes")
+    gone ? above(error.code)
       : h("button", { type: "button", onclick: reload }, "Try again"));
 }
 

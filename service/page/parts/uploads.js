@@ -4,7 +4,7 @@ import { send, upload } from "./api.js";
 import { announce, h } from "./dom.js";
 import { ended, follow } from "./follow.js";
 import { path, withQuery } from "./router.js";
-import { explained, taskWords } from "./words.js";
+import { count, explained, taskWords } from "./words.js";
 
 const LANES = 2;
 const waiting = [];
@@ -111,7 +111,10 @@ function close() {
 function headline() {
   const left = waiting.length + running;
   const title = document.getElementById("uploads-title");
-  if (title) title.textContent = left > 0 ? `Adding shapes, ${left} to go` : "Shapes added";
+  const failed = panel.querySelectorAll(".bad").length;
+  const ready = panel.querySelectorAll("li").length - failed;
+  const result = failed === 0 ? "Shapes added" : ready === 0 ? "No shape is ready" : `${count(ready, "shape")} ready, ${failed} not`;
+  if (title) title.textContent = left > 0 ? `Adding shapes, ${left} to go` : result;
 }
 
 /** The collection of this name; it is made when there is none. */

@@ -16,7 +16,7 @@ export async function show(view) {
   view.root.append(h("header", { class: "heading" }, h("p", { class: "crumbs" }, h("a", { href: "/evaluations" }, "Evaluations")),
     h("div", { class: "spread" }, h("h1", {}, name), h("div", { class: "bar" }, actions(found, address))), h("p", { class: "quiet" }, moment(found.created_at))));
   if (!found.report) return view.root.append(ended(found.task) ? stopped(found) : running(view, found));
-  view.root.append(overall(found.report), await plots(address), classes(found.report));
+  view.root.append(overall(found.report), await plots(address, found.report), classes(found.report));
   const worst = (await get(`${address}/worst?limit=10&top=10`, view.signal)).items.filter((item) => item.average_precision < 1);
   view.root.append(worst.length > 0 ? queries(found, worst) : h("p", { class: "good" }, "Every query found its whole class before anything else."));
 }
@@ -58,13 +58,14 @@ function overall(report) {
       report.intervals[score] && h("dd", { class: "quiet small" }, `95 %: ${digits(report.intervals[score][0], 3)} to ${digits(report.intervals[score][1], 3)}`)))));
 }
 
-async function plots(address) {
+async function plots(address, report) {
+  const ranks = report.descriptor === "fused" || report.rerank;
   const one = (name, title, told) => h("div", { class: "plot-card" }, h("h2", {}, title), plot(`${address}/plots/${name}.svg`, told),
     h("p", { class: "quiet small" }, told, " ", h("button", { type: "button", class: "plain", onclick: () =>
       download(`${address}/plots/${name}.svg?theme=light`, `${name}.svg`).catch((error) => notify(explained(error), { bad: true })) }, "SVG")));
   return h("section", { class: "plots" },
     one("precision_recall", "Precision and recall", "How precise the hits are when so much of the class is found: higher is better."),
-    one("matrix", "Dissimilarities", "D of all pairs, class by class: dark blocks on the diagonal are classes that hold together."),
+    one("matrix", "Dissimilarities", `${ranks ? "The rank of D among all pairs" : "D of all pairs"}, class by class: dark blocks on the diagonal are classes that hold together.`),
     one("confusion", "Confusion", "Of which class the nearest neighbour is: all on the diagonal would be perfect."));
 }
 

@@ -2,10 +2,10 @@
 
 import { all, get, post } from "../parts/api.js";
 import { choices } from "../parts/choices.js";
-import { empty, field, h, notify, select, table } from "../parts/dom.js";
+import { empty, field, h, notify, select, table, time } from "../parts/dom.js";
 import { evaluationName } from "../parts/scores.js";
 import { go, path } from "../parts/router.js";
-import { explained, moment, taskWords } from "../parts/words.js";
+import { explained, taskWords } from "../parts/words.js";
 
 const SYNTHETIC = "\u0000synthetic";
 
@@ -63,8 +63,8 @@ function list(items) {
   } });
   return h("section", {}, table("The newest first; tick two or more to compare them", [
     { title: "Evaluation", cell: (one) => h("a", { href: path`/evaluations/${one.id}` }, evaluationName(one)) },
-    { title: "State", cell: (one) => h("span", { class: one.task.state === "failed" ? "bad" : null }, one.task.error ? explained(one.task.error) : taskWords(one.task)) },
-    { title: "Started", cell: (one) => moment(one.created_at) },
+    { title: "State", cell: (one) => h("span", { class: one.task.error ? "bad" : one.task.state === "running" ? null : "state" }, one.task.error ? explained(one.task.error) : taskWords(one.task)) },
+    { title: "Started", cell: (one) => time(one.created_at) },
     { title: "Compare", cell: box },
   ], items), h("div", { class: "bar" }, compare));
 }

@@ -1,9 +1,9 @@
 // What the worker does, did and will do: cancel what waits or runs, try again what failed.
 
 import { get, post } from "../parts/api.js";
-import { empty, h, notify, select, table } from "../parts/dom.js";
+import { empty, h, notify, select, table, time } from "../parts/dom.js";
 import { path, remember, withQuery } from "../parts/router.js";
-import { explained, moment, taskWords } from "../parts/words.js";
+import { explained, taskWords } from "../parts/words.js";
 
 const KINDS = { describe: "Describe a shape", query: "Find similar", evaluate: "Evaluate", denoise: "Smooth a mesh", synthesise: "Make synthetic shapes", map: "Draw a map", duplicates: "Look for duplicates" };
 const STATES = [["", "all"], ["running", "running"], ["queued", "waiting"], ["failed", "failed"], ["succeeded", "done"], ["cancelled", "cancelled"]];
@@ -38,8 +38,8 @@ function list(items, load) {
   } }, text);
   return table("The newest tasks first", [
     { title: "Task", cell: (task) => where(task) },
-    { title: "State", cell: (task) => h("span", { class: task.state === "failed" ? "bad" : null }, task.error ? explained(task.error) : taskWords(task)) },
-    { title: "Since", cell: (task) => moment(task.finished_at ?? task.started_at ?? task.created_at) },
+    { title: "State", cell: (task) => h("span", { class: task.error ? "bad" : task.state === "running" ? null : "state" }, task.error ? explained(task.error) : taskWords(task)) },
+    { title: "Since", cell: (task) => time(task.finished_at ?? task.started_at ?? task.created_at) },
     { title: "Do", cell: (task) => (task.state === "queued" || task.state === "running"
       ? (task.cancel_requested ? "stopping …" : act(task, "cancel", "Cancel"))
       : task.state === "failed" || task.state === "cancelled" ? act(task, "retry", "Try again") : "") },
@@ -49,8 +49,16 @@ function list(items, load) {
 function where(task) {
   const text = KINDS[task.kind] ?? task.kind;
   const { collection, shape } = task;
-  if (!collection) return text;
-  const to = task.kind === "query" ? withQuery(path`/collections/${collection}/query`, { task: task.id })
-    : shape && path`/collections/${collection}/shapes/${shape}`;
-  return h("span", {}, to ? h("a", { href: to }, text) : text, " in ", h("a", { href: path`/collections/${collection}` }, collection));
+  const to = result(task);
+  const named = collection && shape && task.shape_name;
+  const about = named && [": ", h("a", { href: path`/collections/${collection}/shapes/${shape}` }, task.shape_name)];
+  const inside = collection && [" in ", h("a", { href: path`/collections/${collection}` }, collection)];
+  return h("span", {}, to ? h("a", { href: to }, text) : text, about, inside);
+}
+
+/** Where what a task made is seen; null where its shape or collection shows it, or there is nothing yet. */
+function result({ id, kind, state, collection }) {
+  if (kind === "query" && collection) return withQuery(path`/collections/${collection}/query`, { task: id });
+  if (kind === "map" && collection) return path`/collections/${collection}/map`;
+  return kind === "evaluate" && state === "succeeded" ? "/evaluations" : null;
 }
