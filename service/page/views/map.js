@@ -23,7 +23,7 @@ export async function show(view) {
   const by = select(offered.map((one) => [one.name, one.name.replaceAll("_", " ")]), map.descriptor,
     { onchange: () => go(withQuery(location.pathname, { descriptor: by.value }), { replace: true }) });
   view.root.append(h("header", { class: "heading" },
-    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /"),
+    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection)),
     h("div", { class: "spread" }, h("h1", {}, "Map"), field("Alike by", by)),
     h("p", { class: "quiet" }, "Shapes that are alike lie near each other. Distances between far groups mean little.")), state);
   if (map.state !== "current") renew(view, address, map, status, state);

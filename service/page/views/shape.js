@@ -20,7 +20,7 @@ export async function show(view) {
 
 function heading(collection, shape, address) {
   return h("header", { class: "heading" },
-    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /"),
+    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection)),
     h("div", { class: "spread" }, h("h1", {}, shape.name, shape.label && h("span", { class: "chip" }, shape.label)),
       h("div", { class: "bar" },
         shape.state === "indexed" && h("a", { class: "button", href: withQuery(path`/collections/${collection}/query`, { shape: shape.id }) }, "Find similar"),
