@@ -38,8 +38,8 @@ export async function show(view) {
 
 function heading(collection, title, source) {
   return h("header", { class: "heading" },
-    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection), " /",
-      source?.shape && [" ", h("a", { href: path`/collections/${collection}/shapes/${source.shape.id}` }, source.shape.name), " /"]),
+    h("p", { class: "crumbs" }, h("a", { href: path`/collections/${collection}` }, collection),
+      source?.shape && [" / ", h("a", { href: path`/collections/${collection}/shapes/${source.shape.id}` }, source.shape.name)]),
     h("div", { class: "asked" }, source && thumbnail(`${source.address}/thumbnail`), h("h1", {}, title)));
 }
 
