@@ -135,18 +135,22 @@ LARGE = """async () => {
     frames.push(now - last);
     last = now;
   }
-  const { triangles } = sharedRenderer().info.render;
+  const turning = sharedRenderer().info.render.triangles;
+  await new Promise((resolve) => setTimeout(resolve, 2000));
+  const atRest = sharedRenderer().info.render.triangles;
   stage.close();
-  return [triangles, frames.slice(5).sort((a, b) => a - b)[12]];
+  return [turning, atRest, frames.slice(5).sort((a, b) => a - b)[12]];
 }"""
 
 
 def test_a_shape_of_a_hundred_thousand_vertices_turns(opened: Opened) -> None:
     """In software, on whatever cores are left: a graphics card has many times this. The bound is for a defect."""
     page = opened("/tasks").page
-    triangles, milliseconds = page.evaluate(LARGE)
-    assert triangles == 200_000
-    print(f"100,000 vertices: a frame takes {milliseconds:.0f} ms (median)")  # noqa: T201
+    turning, at_rest, milliseconds = page.evaluate(LARGE)
+    assert at_rest == 200_000
+    # Where frames are slow, as they are in software, it turns with few faces.
+    assert milliseconds < 45 or turning < 60_000
+    print(f"100,000 vertices: a frame takes {milliseconds:.0f} ms (median) with {turning:,} faces")  # noqa: T201
     assert milliseconds < 1000
 
 

@@ -43,6 +43,7 @@ export class Stage {
     this.controls.addEventListener("start", () => this.canvas.classList.add("held"));
     this.controls.addEventListener("end", () => this.canvas.classList.remove("held"));
     this.fineness = 1;
+    this.lightened = false;
     this.watcher = new ResizeObserver(() => this.#resized());
     this.watcher.observe(this.host);
     this.fit();
@@ -133,16 +134,23 @@ export class Stage {
     this.#paint();
   }
 
-  /** Coarser while it moves, when pictures come too slowly; fine again once it rests. */
+  /** Fewer faces and then fewer pixels while it moves, when pictures come too slowly; all of it again once it rests. */
   #keepPace(now) {
     const since = now - (this.drawn ?? -Infinity);
     this.drawn = now;
     if (since < 500) {
       this.pace = 0.7 * (this.pace ?? 16) + 0.3 * since;
-      if (this.pace > SLOW && this.fineness > COARSEST) this.#refine(Math.max(COARSEST, this.fineness * 0.7));
+      if (this.pace > SLOW && !this.lightened) this.#lighten(true);
+      else if (this.pace > SLOW && this.fineness > COARSEST) this.#refine(Math.max(COARSEST, this.fineness * 0.7));
     }
     clearTimeout(this.settling);
-    if (this.fineness < 1) this.settling = setTimeout(() => { this.pace = 16; this.#refine(1); this.#paint(); }, 250);
+    if (this.fineness < 1 || this.lightened) this.settling = setTimeout(() => { this.#lighten(false); this.#refine(1); this.#paint(); }, 250);
+  }
+
+  #lighten(on) {
+    this.lightened = on;
+    this.pace = 16;
+    for (const surface of this.surfaces) surface.light(on);
   }
 
   #refine(fineness) {

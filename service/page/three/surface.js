@@ -9,6 +9,8 @@ import { principalFrame } from "./frame.js";
 
 const NOTHING = -1e30;
 const LEVELS = 24;
+const CELLS = 48;
+const MANY_FACES = 30_000;
 
 const VERTEX = `
 attribute float value;
@@ -77,6 +79,27 @@ export function extent(values) {
   return low <= high ? [low, high] : [0, 1];
 }
 
+/** The faces between one vertex of each cell of a grid: what is drawn of many faces while they turn. */
+function lighter(positions, faces) {
+  const box = new Box3().setFromArray(positions);
+  const size = box.getSize(new Vector3());
+  const width = Math.max(size.x, size.y, size.z) / CELLS || 1;
+  const first = new Map();
+  const standIn = new Uint32Array(positions.length / 3);
+  for (let i = 0; i < standIn.length; i += 1) {
+    const [x, y, z] = [0, 1, 2].map((axis) => Math.floor((positions[3 * i + axis] - box.min.getComponent(axis)) / width));
+    const cell = (x * (CELLS + 1) + y) * (CELLS + 1) + z;
+    if (!first.has(cell)) first.set(cell, i);
+    standIn[i] = first.get(cell);
+  }
+  const kept = [];
+  for (let i = 0; i < faces.length; i += 3) {
+    const [a, b, c] = [standIn[faces[i]], standIn[faces[i + 1]], standIn[faces[i + 2]]];
+    if (a !== b && b !== c && c !== a) kept.push(a, b, c);
+  }
+  return Uint32Array.from(kept);
+}
+
 /** A shape in a common frame: turned to be seen well, moved to the middle, its farthest point at distance 1. */
 export class Surface {
   /** data: { positions: Float32Array, faces: Uint32Array, offset }: with the offset, positions are in the file's units. */
@@ -141,6 +164,17 @@ export class Surface {
     return uniforms.range.value;
   }
 
+  /** With few faces, while it turns where all of them are too slow; or with all. */
+  light(on) {
+    const faces = this.geometry.index.array;
+    if (on && !this.few && faces.length / 3 > MANY_FACES) {
+      this.few = new BufferGeometry();
+      for (const name of ["position", "value", "normal"]) this.few.setAttribute(name, this.geometry.getAttribute(name));
+      this.few.setIndex(new BufferAttribute(lighter(this.positions, faces), 1));
+    }
+    this.body.geometry = on && this.few ? this.few : this.geometry;
+  }
+
   /** As glass, to see a skeleton inside. */
   glass(on) {
     this.material.uniforms.glass.value = on ? 1 : 0;
@@ -182,6 +216,8 @@ export class Surface {
   }
 
   dispose() {
+    this.light(false);
+    this.few?.dispose();
     this.group.removeFromParent();
     disposeOf(this.group);
   }
