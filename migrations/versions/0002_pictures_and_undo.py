@@ -57,8 +57,8 @@ def downgrade() -> None:
     _descriptor(rows=False)
     op.execute("DELETE FROM shape WHERE deleted_at IS NOT NULL")
     for name in ("shape_tag", "shape_metadata", "endpoint_features", "skeleton", "health"):
-        op.execute(f"DELETE FROM {name} WHERE shape_id NOT IN (SELECT id FROM shape)")  # noqa: S608
-    op.execute(f"DELETE FROM task WHERE kind NOT IN ({_KINDS['0001']})")  # noqa: S608
+        op.execute(f"DELETE FROM {name} WHERE shape_id NOT IN (SELECT id FROM shape)")  # noqa: S608 - names of this file
+    op.execute(f"DELETE FROM task WHERE kind NOT IN ({_KINDS['0001']})")  # noqa: S608 - names of this file
     _rebuild("idempotency", lambda: _idempotency(locks=True))
     _rebuild("skeleton", lambda: _skeleton(pictures=False))
     _rebuild("task", lambda: _task("0001"))
@@ -73,12 +73,12 @@ def _profiles(change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
 
 def _rebuild(name: str, create: Callable[[], None]) -> None:
     """The table as ``create`` makes it, with the old rows in the columns that both have."""
-    op.execute(f"CREATE TABLE old_{name} AS SELECT * FROM {name}")  # noqa: S608
+    op.execute(f"CREATE TABLE old_{name} AS SELECT * FROM {name}")  # noqa: S608 - names of this file
     before = _columns(name)
     op.drop_table(name)
     create()
     both = ", ".join(column for column in _columns(name) if column in before)
-    op.execute(f"INSERT INTO {name} ({both}) SELECT {both} FROM old_{name}")  # noqa: S608
+    op.execute(f"INSERT INTO {name} ({both}) SELECT {both} FROM old_{name}")  # noqa: S608 - names of this file
     op.drop_table(f"old_{name}")
 
 

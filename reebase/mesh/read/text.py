@@ -23,9 +23,7 @@ PIECE = 1 << 20
 LONGEST_PIECE = 16 << 20
 """A longer piece is one endless line; split, its notes would take gigabytes."""
 
-LONGEST_NUMBER = 512
-"""Bytes of a token that are looked at: a float64 written out in full has up to 330."""
-
+_TOKEN = re.compile(rb"\S+")
 _SIGN_BEFORE_EXPONENT = re.compile(r"^([+-]?[\d.]+)([+-])[eEdD](\d+)$")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 
@@ -130,7 +128,7 @@ def repaired(
     Raises FormatError at the first that is not a number.
     """
     for at, offset in odd.tolist():
-        token = text[offset : offset + LONGEST_NUMBER].split(maxsplit=1)[0]
+        token = _TOKEN.match(text, offset)[0]  # type: ignore[index]  # the kernel stopped at a token
         try:
             values[at] = lenient_float(token)
         except ValueError:
