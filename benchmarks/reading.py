@@ -22,6 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import trimesh
 
 from reebase.mesh.clean import merged
@@ -39,7 +40,10 @@ def torus(vertices: int) -> Mesh:
     points = np.stack(
         [(3 + tube * np.cos(b)) * np.cos(a), (3 + tube * np.cos(b)) * np.sin(a), tube * np.sin(b)], axis=1
     )
-    corner = lambda i, j: (i % around * across + j % across).ravel()  # noqa: E731
+
+    def corner(i: npt.NDArray[np.int64], j: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        return (i % around * across + j % across).ravel()
+
     p, q, r, s = corner(u, v), corner(u + 1, v), corner(u + 1, v + 1), corner(u, v + 1)
     return Mesh(points, np.concatenate([np.stack([p, q, r], axis=1), np.stack([p, r, s], axis=1)]))
 

@@ -185,8 +185,11 @@ def sheet(n: int, m: int, *, closed: bool) -> tuple[Array, Array, npt.NDArray[np
     """Parameters in [0, 1] of a grid of n by m cells, and its triangles; opposite sides are one if closed."""
     i, j = np.meshgrid(np.arange(n + (not closed)), np.arange(m + (not closed)), indexing="ij")
     a, b = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
-    at = lambda i, j: (i % i_count) * j_count + j % j_count  # noqa: E731
     i_count, j_count = i.shape
+
+    def at(i: npt.NDArray[np.int64], j: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        return (i % i_count) * j_count + j % j_count
+
     p, q, r, s = (at(a + x, b + y).ravel() for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)))
     return i.ravel() / n, j.ravel() / m, np.vstack([np.stack([p, q, r], axis=1), np.stack([p, r, s], axis=1)])
 
@@ -207,7 +210,7 @@ def torus(level: int) -> Mesh:
 
 def of_sphere(k: int) -> Array:
     """l (l + 1), 2 l + 1 times, over the radius squared; the area is 4 pi."""
-    return 4 * np.pi * np.array([l * (l + 1) for l in range(k) for _ in range(2 * l + 1)])[:k]  # noqa: E741
+    return 4 * np.pi * np.array([l * (l + 1) for l in range(k) for _ in range(2 * l + 1)])[:k]  # noqa: E741 - the degree
 
 
 def of_rectangle(k: int) -> Array:

@@ -69,7 +69,7 @@ def _print(text: str) -> None:
 def _tell(text: str) -> None:
     """As _say, when whoever read it may be gone and that must not matter."""
     with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)  # noqa: T201
+        print(text, file=sys.stderr, flush=True)  # noqa: T201 - words for whoever typed the command
 
 
 def _opened(settings: ServiceSettings, *, any_schema: bool = False) -> Database:
@@ -227,7 +227,7 @@ def worker(context: typer.Context) -> None:
     from service.supervisor import WORKER, worker_environment
 
     # In this process's place, so that signals and the exit status are the worker's.
-    os.execve(sys.executable, WORKER + context.args, worker_environment())  # noqa: S606
+    os.execve(sys.executable, WORKER + context.args, worker_environment())  # noqa: S606 - our own worker
 
 
 def migrate() -> None:

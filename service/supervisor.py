@@ -101,7 +101,7 @@ class Supervisor:
         if now < slot.next_start:
             return
         try:
-            slot.process = subprocess.Popen(  # noqa: S603
+            slot.process = subprocess.Popen(  # noqa: S603 - our own worker
                 [*WORKER, "--log-level", self.log_level], stdin=self._lifeline,
                 env={**worker_environment(), "REEBASE_LIFELINE": "1"},
                 # A session of its own: Ctrl-C in the terminal must reach the API alone, which stops all in order.

@@ -15,7 +15,7 @@ creates something under an Idempotency-Key, anything else only when it was surel
 from reebase.errors import MissingPackage
 
 try:
-    from reebase.client.client import Client, Source
+    from reebase.client.client import Client
     from reebase.client.errors import (
         RequestBroken,
         ServiceError,
@@ -55,6 +55,7 @@ try:
         Unmatched,
         Upload,
     )
+    from reebase.client.requests import Source
 except ModuleNotFoundError as missing:  # pragma: no cover - depends on what is installed
     if missing.name != "httpx":
         raise

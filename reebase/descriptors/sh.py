@@ -58,5 +58,5 @@ def _norms() -> Array:
     """Of the real harmonics: sqrt((2 l + 1) / 4 pi * (l - m)! / (l + m)!), times sqrt 2 for m > 0."""
     return np.array([
         [sqrt((2 * l + 1) / (4 * pi) * factorial(l - m) / factorial(l + m) * (1 + (m > 0))) if m <= l else 0.0
-         for m in range(DEGREES)] for l in range(DEGREES)  # noqa: E741
+         for m in range(DEGREES)] for l in range(DEGREES)  # noqa: E741 - the degree is l
     ])  # fmt: skip

@@ -22,9 +22,9 @@ def _harmonics(
         legendre[m] = first
         if m + 1 < degrees:
             legendre[m + 1] = (2.0 * m + 1.0) * z * legendre[m]
-        for l in range(m + 2, degrees):  # noqa: E741
+        for l in range(m + 2, degrees):  # noqa: E741 - the degree is l
             legendre[l] = ((2.0 * l - 1.0) * z * legendre[l - 1] - (l + m - 1.0) * legendre[l - 2]) / (l - m)
-        for l in range(m, degrees):  # noqa: E741
+        for l in range(m, degrees):  # noqa: E741 - the degree is l
             value = norms[l, m] * legendre[l]
             out[l, l + m] = value * real
             if m:
@@ -66,7 +66,7 @@ def shell_coefficients(
                 at = min(max(radius - 1.0, 0.0), shells - 1.0)
                 low = min(int(at), shells - 2)
                 upper = at - low
-                for l in range(degrees):  # noqa: E741
+                for l in range(degrees):  # noqa: E741 - the degree is l
                     for m in range(2 * l + 1):
                         value = weights[f] * harmonics[l, m]
                         out[low, l, m] += (1.0 - upper) * value

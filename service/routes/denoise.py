@@ -15,18 +15,15 @@ from service.auth import Principal, Reader
 from service.context import Context, Here
 from service.downloads import file_response
 from service.forms import model_of_fields
-from service.problems import task_problem
-from service.replay import REPLAYED, json_response, once, same_request
 from service.routes.about import WRITTEN
 from service.routes.common import IdempotencyKey, IdPath, api_router
 from service.routes.documents import DENOISE
-from service.routes.tasks import ASKED_BY, own_task
+from service.routes.tasks import own_task
+from service.routes.unkept import answer_of_task, enqueue
 from service.schemas.denoise import DenoisedValue, DenoisingParameters, PendingDenoising
-from service.uploads import Upload, received
-from service.values import task_value
-from service.waiting import wait_for
-from store import faults, outputs, tasks
-from store.errors import Conflict, NotFound, TaskNotFound
+from service.uploads import received
+from store import outputs
+from store.errors import TaskNotFound
 from store.records import Task
 
 __all__ = ["router"]
@@ -68,14 +65,12 @@ async def denoise(
     async with received(request, here.blobs, here.settings.max_upload_bytes, beside=(TRUTH,)) as upload:
         asked = model_of_fields(DenoisingParameters, upload.fields, leave=_OF_THE_FILE)
         await run_in_threadpool(_check, asked)
-        task, response = await run_in_threadpool(
-            _enqueue, request, here, principal, upload, asked, idempotency_key
+        parts = {name: asdict(part) for name, part in upload.parts.items()}
+        params = {**asked.model_dump(exclude={"wait"}), "parts": parts}
+        enqueued = await run_in_threadpool(
+            enqueue, request, here, principal, upload, "denoise", params, idempotency_key, PendingDenoising
         )
-    ended = await wait_for(request, here, task, min(asked.wait, here.settings.max_wait_seconds))
-    replayed = {name: value for name, value in response.headers.items() if name == REPLAYED.lower()}
-    if ended.state == "succeeded":
-        return json_response(_value(ended), 200, replayed)
-    return task_problem(request, ended) if ended.ended else await run_in_threadpool(_pending, here, ended, replayed)
+    return await answer_of_task(request, here, enqueued, asked.wait, _value, PendingDenoising)
 
 
 def _check(asked: DenoisingParameters) -> None:
@@ -86,43 +81,6 @@ def _check(asked: DenoisingParameters) -> None:
     if asked.method not in METHODS:
         raise unknown_name("method", asked.method[:80], METHODS)
     METHODS[asked.method].checked(asked.parameters)
-
-
-def _enqueue(
-    request: Request, here: Context, principal: Principal, upload: Upload, wanted: DenoisingParameters,
-    idempotency_key: str | None,
-) -> tuple[str, Response]:  # fmt: skip
-    """The id of the task, and the answer that names it."""
-    sha256 = upload.keep()
-    faults.point("upload.blob_stored")
-    params = {
-        **wanted.model_dump(exclude={"wait"}), "parts": {name: asdict(part) for name, part in upload.parts.items()}
-    }
-    asked = same_request(request, principal, idempotency_key, {"sha256": sha256, **params})
-    try:
-        with here.database.write() as conn:
-
-            def work() -> Response:
-                upload.check_kept(sha256)
-                asking = {**params, ASKED_BY: principal.key_id}
-                task = tasks.enqueue(conn, "denoise", params=asking, blob=sha256)
-                value = PendingDenoising(task=task_value(conn, task))
-                return json_response(value, 202, {"Location": f"/v1/tasks/{task.id}"})
-
-            response = once(conn, here, asked, work)
-    except (Conflict, NotFound):
-        here.remove_unnamed(sha256, 0.0)
-        raise
-    if REPLAYED in response.headers:
-        here.remove_unnamed(sha256, 0.0)  # the task that has it may have ended long ago
-    faults.point("upload.row_committed")
-    return response.headers["location"].rsplit("/", 1)[-1], response
-
-
-def _pending(here: Context, task: Task, headers: dict[str, str]) -> Response:
-    with here.database.read() as conn:
-        value = PendingDenoising(task=task_value(conn, task))
-    return json_response(value, 202, {**headers, "Location": f"/v1/tasks/{task.id}"})
 
 
 def _value(task: Task) -> DenoisedValue:

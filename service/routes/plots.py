@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -89,10 +90,10 @@ def get_plot(
     if plot == "precision_recall.svg":
         curve = report["precision_recall"]
         curves = {_title(found, report): (curve["recall"], curve["precision"])}
-        draw = lambda: pictures.precision_recall_plot(curves, theme=theme)  # noqa: E731
+        draw = partial(pictures.precision_recall_plot, curves, theme=theme)
     elif plot == "confusion.svg":
         table = _mistakes(found, report)["confusion"]
-        draw = lambda: confusion_plot(np.array(table["counts"]), table["labels"], theme=theme)  # noqa: E731
+        draw = partial(confusion_plot, np.array(table["counts"]), table["labels"], theme=theme)
     else:
         sha256 = evaluations.matrix_of(found)
         labels = [item["label"] for item in found.items or []]

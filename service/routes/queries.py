@@ -16,11 +16,11 @@ from service.checks import check_query
 from service.context import Context, Here
 from service.errors import InvalidRequest
 from service.forms import model_of_fields, model_of_json
-from service.problems import problem_response, task_problem, value_of
-from service.replay import REPLAYED, json_response, once, same_request
+from service.problems import problem_response, value_of
+from service.replay import json_response
 from service.routes.common import CollectionPath, IdempotencyKey, api_router, open_collection
 from service.routes.documents import QUERY
-from service.routes.tasks import ASKED_BY
+from service.routes.unkept import answer_of_task, enqueue
 from service.schemas.common import Body, Finite
 from service.schemas.queries import (
     AnswerValue,
@@ -31,13 +31,9 @@ from service.schemas.queries import (
     QueryParameters,
 )
 from service.strict import is_json
-from service.uploads import Upload, received
-from service.values import task_value
-from service.waiting import wait_for
-from store import faults, tasks
+from service.uploads import received
 from store.answers import answer_query
 from store.descriptors import SRG
-from store.errors import Conflict, NotFound
 from store.query import QuerySpec
 from store.records import Task
 
@@ -85,10 +81,11 @@ async def query(
         parameters = model_of_fields(QueryParameters, upload.fields, leave=_OF_THE_FILE)
         check_query(parameters, here.settings, form=True)
         wait = model_of_fields(_Wait, {k: v for k, v in upload.fields.items() if k == "wait"}).wait
-        task, response = await run_in_threadpool(
-            _enqueue, request, here, principal, collection, upload, parameters, idempotency_key
+        params = {**_spec(collection, parameters, None).to_params(), "format": upload.format}
+        enqueued = await run_in_threadpool(
+            enqueue, request, here, principal, upload, "query", params, idempotency_key, PendingAnswer, collection
         )
-    return await _answer_of_task(request, here, task, response, min(wait, here.settings.max_wait_seconds))
+    return await answer_of_task(request, here, enqueued, wait, _answer, PendingAnswer)
 
 
 def _check_open(here: Context, principal: Principal, collection: str) -> None:
@@ -106,59 +103,14 @@ def _spec(collection: str, value: QueryParameters, shape: str | None) -> QuerySp
     )  # fmt: skip
 
 
+def _answer(task: Task) -> AnswerValue:
+    return AnswerValue.model_validate(task.result)
+
+
 def _by_shape(here: Context, collection: str, body: QueryBody) -> Response:
     check_query(body, here.settings)
     answer = answer_query(here.database, here.follower, _spec(collection, body, body.shape))
     return json_response(AnswerValue.model_validate(answer))
-
-
-def _enqueue(
-    request: Request, here: Context, principal: Principal, collection: str, upload: Upload,
-    parameters: QueryParameters, idempotency_key: str | None,
-) -> tuple[str, Response]:  # fmt: skip
-    """The id of the task that will answer, and the answer that names it."""
-    sha256 = upload.keep()
-    faults.point("upload.blob_stored")
-    params = {**_spec(collection, parameters, None).to_params(), "format": upload.format}
-    asked = same_request(request, principal, idempotency_key, {"sha256": sha256, **params})
-    try:
-        with here.database.write() as conn:
-            opened = open_collection(conn, principal, collection)
-
-            def work() -> Response:
-                upload.check_kept(sha256)
-                asking = {**params, ASKED_BY: principal.key_id}
-                task = tasks.enqueue(conn, "query", collection_id=opened.id, params=asking, blob=sha256)
-                location = {"Location": f"/v1/tasks/{task.id}"}
-                return json_response(PendingAnswer(task=task_value(conn, task)), 202, location)
-
-            response = once(conn, here, asked, work)
-    except (Conflict, NotFound):
-        here.remove_unnamed(sha256, 0.0)
-        raise
-    if REPLAYED in response.headers:
-        here.remove_unnamed(sha256, 0.0)  # the task that has it may have ended long ago
-    faults.point("upload.row_committed")
-    return response.headers["location"].rsplit("/", 1)[-1], response
-
-
-async def _answer_of_task(
-    request: Request, here: Context, task_id: str, pending: Response, wait: float
-) -> Response:
-    """The answer when it came in time, the problem when the task failed, else the task as it is."""
-    task = await wait_for(request, here, task_id, wait)
-    replayed = {name: value for name, value in pending.headers.items() if name == "idempotency-replayed"}
-    if task.state == "succeeded":
-        return json_response(AnswerValue.model_validate(task.result), 200, replayed)
-    if task.ended:
-        return task_problem(request, task)
-    return await run_in_threadpool(_pending, here, task, replayed)
-
-
-def _pending(here: Context, task: Task, headers: dict[str, str]) -> Response:
-    with here.database.read() as conn:
-        value = PendingAnswer(task=task_value(conn, task))
-    return json_response(value, 202, {**headers, "Location": f"/v1/tasks/{task.id}"})
 
 
 @router.post(

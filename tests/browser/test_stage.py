@@ -150,7 +150,7 @@ def test_a_shape_of_a_hundred_thousand_vertices_turns(opened: Opened) -> None:
     assert at_rest == 200_000
     # Where frames are slow, as they are in software, it turns with few faces.
     assert milliseconds < 45 or turning < 60_000
-    print(f"100,000 vertices: a frame takes {milliseconds:.0f} ms (median) with {turning:,} faces")  # noqa: T201
+    print(f"100,000 vertices: a frame takes {milliseconds:.0f} ms (median) with {turning:,} faces")  # noqa: T201 - a figure to see with -s
     assert milliseconds < 1000
 
 

@@ -107,7 +107,7 @@ def test_shapes_are_found_changed_and_deleted(client: Client, empty: str) -> Non
 def test_long_lists_are_walked_page_by_page(
     client: Client, zoo: dict[str, Shape], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("reebase.client.client._PAGE", 2)
+    monkeypatch.setattr("reebase.client.requests._PAGE", 2)
     assert {shape.name for shape in client.shapes("menagerie")} == set(zoo)
     assert len({task.id for task in client.tasks(collection="menagerie", kind="describe")}) == len(zoo)
 

@@ -33,7 +33,7 @@ TAKEN = {
 def fetched(version: str) -> dict[str, bytes]:
     """The files of this version by their names here, imports made relative."""
     with tempfile.TemporaryDirectory() as folder:
-        subprocess.run(["npm", "pack", f"three@{version}", "--silent"], cwd=folder, check=True)  # noqa: S603, S607
+        subprocess.run(["npm", "pack", f"three@{version}", "--silent"], cwd=folder, check=True)  # noqa: S603, S607 - npm, wherever it is
         [package] = Path(folder).glob("*.tgz")
         with tarfile.open(fileobj=io.BytesIO(package.read_bytes())) as archive:
             return {name: _relative(_content(archive, path)) for path, name in TAKEN.items()}
@@ -58,7 +58,7 @@ def main() -> None:
         (HERE / name).write_bytes(data)
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(files.items())}
     RECORD.write_text(json.dumps({"package": "three", "version": version, "sha256": hashes}, indent=2) + "\n")
-    print("unchanged" if before.get("sha256") == hashes else f"three {version} is here now: run the browser tests")  # noqa: T201
+    print("unchanged" if before.get("sha256") == hashes else f"three {version} is here now: run the browser tests")  # noqa: T201 - a command
 
 
 if __name__ == "__main__":

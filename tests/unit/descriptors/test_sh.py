@@ -36,7 +36,7 @@ def by_the_addition_theorem(mesh: Mesh, split: int) -> np.ndarray:
     hats = np.array([np.interp(np.clip(radii, 1, 32), np.arange(1, 33), row) for row in np.eye(32)]) * weights
     cosines = np.clip((points / radii[:, None]) @ (points / radii[:, None]).T, -1, 1)
     energies = [
-        (2 * l + 1) / (4 * np.pi) * ((hats @ eval_legendre(l, cosines)) * hats).sum(axis=1) for l in range(16)  # noqa: E741
+        (2 * l + 1) / (4 * np.pi) * ((hats @ eval_legendre(l, cosines)) * hats).sum(axis=1) for l in range(16)  # noqa: E741 - the degree
     ]
     return np.sqrt(np.maximum(np.array(energies).T, 0)) / np.arange(1, 33)[:, None]
 

@@ -14,7 +14,7 @@ SPHERE = Surface(icosphere(4))
 
 def test_eigenvalues_of_the_sphere():
     # l (l + 1), 2 l + 1 times, over the area 4 pi.
-    exact = np.concatenate([[4 * np.pi * l * (l + 1)] * (2 * l + 1) for l in range(1, 5)])[:20]  # noqa: E741
+    exact = np.concatenate([[4 * np.pi * l * (l + 1)] * (2 * l + 1) for l in range(1, 5)])[:20]  # noqa: E741 - the degree
     np.testing.assert_allclose(shape_dna.describe(SPHERE), np.log(exact), atol=0.02)
 
 

@@ -29,7 +29,7 @@ from tests.shapes import (
     voxels,
 )  # fmt: skip
 
-SPHERE = 4 * np.pi * np.array([l * (l + 1) for l in range(4) for _ in range(2 * l + 1)])  # noqa: E741
+SPHERE = 4 * np.pi * np.array([l * (l + 1) for l in range(4) for _ in range(2 * l + 1)])  # noqa: E741 - the degree
 """l (l + 1), 2 l + 1 times each, at unit area."""
 
 

@@ -43,7 +43,7 @@ def test_both_are_constant_on_a_sphere():
     mesh = icosphere(4)
     spectrum = eigenpairs(operator(mesh), 25)
     heat = heat_kernel_signature(spectrum, TIMES)
-    exact = sum((2 * l + 1) * np.exp(-4 * np.pi * l * (l + 1) * TIMES) for l in range(5))  # noqa: E741
+    exact = sum((2 * l + 1) * np.exp(-4 * np.pi * l * (l + 1) * TIMES) for l in range(5))  # noqa: E741 - the degree
     np.testing.assert_allclose(heat, np.broadcast_to(exact, heat.shape), rtol=0.02)
     np.testing.assert_allclose(wave_kernel_signature(spectrum), 1.0, rtol=0.03)
 

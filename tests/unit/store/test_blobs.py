@@ -81,7 +81,7 @@ def test_a_writer_that_does_not_commit_leaves_nothing(blobs: Blobs) -> None:
         assert writer.size == len(DATA)
     with pytest.raises(ZeroDivisionError), blobs.writer() as writer:
         writer.write(DATA)
-        1 / 0  # noqa: B018
+        1 / 0  # noqa: B018 - to raise
     assert list(blobs.all()) == []
     assert blobs.clear_unfinished(grace_seconds=0) == 0
 

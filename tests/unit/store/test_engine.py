@@ -37,7 +37,7 @@ def test_the_promises_of_the_design(database: Database) -> None:
 def test_a_transaction_is_all_or_nothing(database: Database) -> None:
     with pytest.raises(ZeroDivisionError), database.write() as conn:
         collections.create(conn, "ants")
-        1 / 0  # noqa: B018
+        1 / 0  # noqa: B018 - to raise
     assert names(database) == []
 
 

@@ -111,7 +111,7 @@ def _plan(database: Database, statement: str, parameters: Any) -> list[Any]:
 def test_an_uncommitted_task_is_not_there(database: Database, queue: tasks.DatabaseQueue) -> None:
     with pytest.raises(ZeroDivisionError), database.write() as conn:
         tasks.enqueue(conn, "evaluate")
-        1 / 0  # noqa: B018
+        1 / 0  # noqa: B018 - to raise
     assert queue.claim("w") is None
 
 
