@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, delete, func, select, true, update
+from sqlalchemy import ColumnElement, Connection, and_, delete, exists, func, or_, select, true, update
 
 from store import idempotency, shapes
 from store.blobs import Blobs
@@ -49,7 +49,7 @@ _NAMES: tuple[tuple[Any, ColumnElement[bool]], ...] = (
 """Every column that names a blob, and when."""
 
 _KEPT = ("describe", "evaluate")
-"""Kinds of tasks whose record stays; the others are answers to one question."""
+"""Kinds of tasks whose record stays as long as what they were about; the others are answers to one question."""
 
 
 @dataclass(frozen=True)
@@ -59,23 +59,23 @@ class Swept:
     blobs: int
     unfinished_uploads: int
     idempotency_keys: int
-    queries: int
+    tasks: int
     tombstones: int
     shapes: int
 
 
 def sweep(database: Database, blobs: Blobs, settings: Settings) -> Swept:
-    """Removes unnamed blobs, dead uploads, expired idempotency keys, old queries and old tombstones, and shapes
-    that were deleted too long ago to be restored.
+    """Removes unnamed blobs, dead uploads, expired idempotency keys, old tombstones, shapes that were
+    deleted too long ago to be restored, and old tasks: queries, and descriptions of shapes that are gone.
     """
     with database.write() as conn:
         purged = shapes.purge(conn, settings.keep_deleted_seconds)
         keys = idempotency.purge(conn)
-        queries = _purge_queries(conn, settings.keep_query_seconds)
+        tasks = _purge_tasks(conn, settings.keep_query_seconds)
         tombstones = _purge_tombstones(conn, settings.keep_tombstones_seconds)
     grace = settings.sweep_grace_seconds
     removed = sum(remove_unnamed(database, blobs, sha256, grace) for sha256 in _unnamed(database, blobs))
-    return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, queries, tombstones, purged)
+    return Swept(removed, blobs.clear_unfinished(grace_seconds=grace), keys, tasks, tombstones, purged)
 
 
 def referenced(conn: Connection, hashes: Iterable[str]) -> set[str]:
@@ -114,8 +114,9 @@ def remove_unnamed(database: Database, blobs: Blobs, sha256: str, grace_seconds:
         return blobs.delete(sha256, grace_seconds=grace_seconds)
 
 
-def _purge_queries(conn: Connection, keep_seconds: float) -> int:
-    old = and_(task.c.kind.not_in(_KEPT), task.c.finished_at < now(-keep_seconds))
+def _purge_tasks(conn: Connection, keep_seconds: float) -> int:
+    gone = and_(task.c.kind == "describe", ~exists().where(shape.c.id == task.c.shape_id))
+    old = and_(or_(task.c.kind.not_in(_KEPT), gone), task.c.finished_at < now(-keep_seconds))
     return conn.execute(delete(task).where(old)).rowcount
 
 

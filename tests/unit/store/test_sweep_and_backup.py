@@ -170,12 +170,30 @@ def test_old_queries_keys_and_tombstones_go(
         conn.execute(update(tables.tombstone).values(deleted_at=long_ago))
         conn.execute(update(tables.task).where(tables.task.c.kind == "query").values(finished_at=long_ago))
     swept = sweep(database, blobs, settings)
-    assert (swept.idempotency_keys, swept.queries, swept.tombstones) == (1, 1, 1)
+    assert (swept.idempotency_keys, swept.tasks, swept.tombstones) == (1, 1, 1)
     with database.read() as conn:
         with pytest.raises(TaskNotFound):
             tasks.get(conn, query.id)
         assert len(tasks.list_page(conn, kind="describe").items) == 2
     assert sweep(database, blobs, settings) == NOTHING
+
+
+def test_descriptions_of_shapes_that_are_gone_go_after_a_while(
+    database: Database, blobs: LocalBlobs, settings: Settings, upload: Upload
+) -> None:
+    gone, _ = upload()
+    kept, _ = upload()
+    with database.write() as conn:
+        shapes.delete(conn, gone.collection_id, gone.id)
+        mine = tables.task.c.shape_id.in_([gone.id, kept.id])
+        conn.execute(update(tables.task).where(mine).values(state="cancelled", finished_at=now(-30 * 86400)))
+    assert sweep(database, blobs, settings).tasks == 0  # it can still be restored, with its history
+    with database.write() as conn:
+        conn.execute(update(tables.shape).where(tables.shape.c.id == gone.id).values(deleted_at=now(-2 * 86400)))
+    swept = sweep(database, blobs, settings)
+    assert (swept.shapes, swept.tasks) == (1, 1)
+    with database.read() as conn:
+        assert {one.shape_id for one in tasks.list_page(conn, kind="describe").items} == {kept.id}
 
 
 def test_evaluations(database: Database, blobs: LocalBlobs, full: dict[str, str], collection: Collection) -> None:
