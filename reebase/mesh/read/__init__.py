@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import EmptyFile, FormatError, LimitError
+from reebase.errors import EmptyFile, FormatError, LimitError, NoFaces, TruncatedFile, UnknownFormat
 from reebase.mesh.mesh import Mesh
+from reebase.mesh.read.foreign import in_words
 from reebase.mesh.read.gltf import read_gltf
 from reebase.mesh.read.limits import DEFAULT, Limits
 from reebase.mesh.read.obj import read_obj
@@ -67,6 +68,12 @@ def read(
         # Numbers beyond float32 or float64 become infinite and are refused as such.
         with np.errstate(all="ignore"):
             return _READERS[chosen](data, limits)
+    except (FormatError, NoFaces) as refusal:
+        # A format that was given is obeyed; that the file is something else altogether says more than its faults.
+        told = in_words(data) if refusal.code in (FormatError.code, TruncatedFile.code, NoFaces.code) else None
+        if told is None:
+            raise
+        raise UnknownFormat(f"{told} It was read as {chosen.upper()}.", formats=list(FORMATS)) from refusal
     except MemoryError:
         raise LimitError(f"Reading these {len(data):,} bytes takes more memory than there is.") from None
 

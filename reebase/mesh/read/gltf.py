@@ -24,6 +24,7 @@ __all__ = ["MAGIC", "read_gltf"]
 MAGIC = b"glTF"
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 TRIANGLES, STRIP, FAN = 4, 5, 6
+_UPGRADE = "Reebase reads glTF 2.0. Convert it with gltf-pipeline, or export the scene anew as GLB, OBJ or STL."
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -81,7 +82,7 @@ def _container(data: bytes) -> tuple[bytes, bytes | None]:
         raise TruncatedFile(f"A GLB file has a header of 20 bytes; the file has {len(data)}.")
     _, version, length, first, kind = np.frombuffer(data, "<u4", 5).tolist()
     if version != 2:
-        raise UnsupportedFeature(f"This is GLB version {version}, of glTF {version}.0; Reebase reads glTF 2.0.")
+        raise UnsupportedFeature(f"This is GLB version {version}, of glTF {version}.0; {_UPGRADE}", version=f"{version}.0")
     if length > len(data):
         raise TruncatedFile(
             f"The GLB header announces {length:,} bytes, but the file has {len(data):,}.",
@@ -121,7 +122,7 @@ def _document(text: bytes) -> dict[str, Any]:
     version = str(version)[:8]
     if version.split(".")[0] != "2":
         full = f"{version}.0" if version.isdecimal() else version
-        raise UnsupportedFeature(f"This is glTF {full}; Reebase reads glTF 2.0.", version=version)
+        raise UnsupportedFeature(f"This is glTF {full}; {_UPGRADE}", version=version)
     return document
 
 
@@ -203,7 +204,7 @@ def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors, limits: Limits) -
             continue
         extensions = primitive.get("extensions")
         if isinstance(extensions, dict) and "KHR_draco_mesh_compression" in extensions:
-            raise UnsupportedFeature("glTF: the mesh is compressed with Draco, which is not read.")
+            raise UnsupportedFeature("glTF: the mesh is compressed with Draco, which is not read. Export it without compression.")
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict) or "POSITION" not in attributes:
             continue

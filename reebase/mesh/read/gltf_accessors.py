@@ -151,7 +151,8 @@ class Accessors:
             raise FormatError(f"glTF: bufferViews[{at}].buffer is missing.")
         extensions = view.get("extensions")
         if isinstance(extensions, dict) and any("meshopt" in str(name) for name in extensions):
-            raise UnsupportedFeature("glTF: the mesh is compressed with meshopt, which is not read.")
+            raise UnsupportedFeature("glTF: the mesh is compressed with meshopt, which is not read. Export it "
+                "without compression.")
         data = self._buffer(buffer)
         start = _size(view, "byteOffset", f"bufferViews[{at}]")
         length = _size(view, "byteLength", f"bufferViews[{at}]", None)

@@ -27,7 +27,7 @@ def read_obj(data: bytes, limits: Limits) -> Mesh:
     """
     text = plain_text(data)
     if b"\\" in text:
-        text = re.sub(rb"\\\r?\n", b"  ", text)
+        text = re.sub(rb"\\[ \t]*(\r\n|\r|\n)", b"  ", text)
     text = without_comments(text)
     vertices: list[npt.NDArray[np.float64]] = []
     corners: list[npt.NDArray[np.int64]] = []

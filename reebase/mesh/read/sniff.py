@@ -7,6 +7,7 @@ from pathlib import PurePath
 
 from reebase.errors import UnknownFormat
 from reebase.mesh.read import archive, gltf
+from reebase.mesh.read.foreign import in_words
 from reebase.mesh.read.off import HEADER as OFF_HEADER
 from reebase.mesh.read.stl import is_text, looks_like_text_stl
 from reebase.mesh.read.text import plain_text, without_comments
@@ -55,32 +56,41 @@ def canonical(name: str) -> str:
 def sniff(data: bytes, name: str | None = None, *, size: int | None = None) -> str:
     """The format of a file, one of FORMATS, from its first bytes and its name (a path or file name).
 
-    What starts with a signature (PLY, GLB, zip, OFF, solid ... facet) is that format under any name; else
-    the name's suffix decides; else the content is looked at more closely.
+    What starts with a signature (PLY, GLB, zip, OFF, solid ... facet) or else cannot be anything else is that format
+    under any name; then the name's suffix decides; else the content is looked at more closely.
 
     data: the file, or its first START bytes when ``size``, the whole file's, is given: a binary STL has no
-    signature and is known by its size. Raises UnknownFormat.
+    signature and is known by its size. Raises UnknownFormat, which says what the file is where that can be told.
     """
-    signed = _signed(data)
-    if signed:
+    if signed := _signed(data):
         return signed
+    whole = len(data) if size is None else size
+    if _is_binary_stl(data, whole):
+        return "stl"
     suffix = PurePath(name).suffix if name else ""
     try:
-        return canonical(suffix)
+        named = canonical(suffix)
     except UnknownFormat:
-        pass
-    guessed = _guessed(data, len(data) if size is None else size)
-    if guessed:
-        return guessed
-    named = f"the name ends in {suffix[:20]!r} and " if suffix else ""
-    raise UnknownFormat(
-        f"The format is not one that Reebase reads: {named}the content is none of {_listed()}.",
-        found=suffix[:20], formats=list(FORMATS),
-    )  # fmt: skip
+        named = None
+    told = in_words(data, None if named else name)
+    if told is None:
+        if found := _guessed_text(data) or named or _guessed_binary(data, whole):
+            return found
+        ending = f"the name ends in {suffix[:20]!r} and " if suffix else ""
+        told = f"The format is not one that Reebase reads: {ending}the content is none of {_listed()}."
+    elif named:
+        told = f"{told} Its name says {_shown(named)}."
+    else:
+        told = f"{told} Reebase reads {_listed()}."
+    raise UnknownFormat(told, found=suffix[:20], formats=list(FORMATS))
+
+
+def _shown(name: str) -> str:
+    return name.upper() if name != "gltf" else "glTF"
 
 
 def _listed() -> str:
-    return ", ".join(name.upper() if name != "gltf" else "glTF" for name in FORMATS)
+    return ", ".join(map(_shown, FORMATS))
 
 
 def _signed(data: bytes) -> str | None:
@@ -99,17 +109,32 @@ def _signed(data: bytes) -> str | None:
     return None
 
 
-def _guessed(data: bytes, size: int) -> str | None:
-    """The format that the content looks like."""
-    announced = int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
-    if announced and announced * 50 + 84 == size:
-        return "stl"
+def _announced(data: bytes) -> int:
+    """The triangles of a binary STL by its header, 0 when it is too short for one."""
+    return int.from_bytes(data[80:84], "little") if len(data) >= 84 else 0
+
+
+def _is_binary_stl(data: bytes, size: int) -> bool:
+    """Whether the file is exactly as long as a binary STL of so many triangles; its header may say anything."""
+    announced = _announced(data)
+    return announced > 0 and announced * 50 + 84 == size
+
+
+def _guessed_text(data: bytes) -> str | None:
+    """The format that a text looks like."""
     start = plain_text(data[:START])
-    if is_text(start):
-        if start.lstrip().startswith(b"{"):
-            return "gltf" if _GLTF_KEY.search(start) else None
-        text = without_comments(start)
-        if _OBJ_LINE.search(text):
-            return "obj"
-        return "off" if _COUNTS.match(text) else None
-    return "stl" if announced and announced * 50 + 84 <= size else None
+    if not is_text(start):
+        return None
+    if start.lstrip().startswith(b"{"):
+        return "gltf" if _GLTF_KEY.search(start) else None
+    text = without_comments(start)
+    if _OBJ_LINE.search(text):
+        return "obj"
+    return "off" if _COUNTS.match(text) else None
+
+
+def _guessed_binary(data: bytes, size: int) -> str | None:
+    """A binary STL with something behind its triangles, perhaps."""
+    announced = _announced(data)
+    fits = announced > 0 and announced * 50 + 84 <= size
+    return "stl" if fits and not is_text(plain_text(data[:START])) else None

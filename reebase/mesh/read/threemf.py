@@ -11,9 +11,10 @@ from xml.parsers import expat
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import FaceIndexOutOfRange, FormatError, LimitError, NoFaces
+from reebase.errors import FaceIndexOutOfRange, FormatError, LimitError, NoFaces, UnknownFormat
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.read.archive import Archive
+from reebase.mesh.read.foreign import archive_in_words
 from reebase.mesh.read.limits import Limits
 from reebase.mesh.read.polygons import build
 from reebase.words import counted
@@ -88,7 +89,7 @@ def _root(archive: Archive) -> str:
     for path in [*found, "3d/3dmodel.model", *(n for n in archive.names if n.endswith(".model"))]:
         if _path(path) in archive.names:
             return _path(path)
-    raise FormatError("The archive holds no 3D model (no file 3D/3dmodel.model); is it a 3MF file?")
+    raise UnknownFormat(archive_in_words(archive.names))
 
 
 def _path(target: str) -> str:
