@@ -12,6 +12,8 @@ What is done, in this order; each step is counted in ``Health.repairs`` when it 
   (duplicates.py).
 - ``collapsed_edges``, ``flipped_edges``: how faces without area were removed without tearing the surface
   open.
+- ``sewn_vertices``: vertices of the boundary that are apart by no more than the rounding of single precision
+  become one where that closes a gap (seams.py).
 - ``reoriented_faces``: faces turned over, so that neighbours agree and closed components face outward.
 
 Vertices and faces that stay keep their order. Components are kept. Non-manifold edges and vertices are
@@ -29,6 +31,7 @@ from reebase.mesh.duplicates import without_duplicates
 from reebase.mesh.health import Health
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.orient import faces_to_turn
+from reebase.mesh.seams import NEAR, without_seams
 from reebase.mesh.slivers import without_flat_faces
 from reebase.mesh.topology import Edges, edges
 from reebase.words import counted
@@ -82,6 +85,14 @@ def clean(mesh: Mesh, *, merge_tolerance: float = 0.0) -> tuple[Mesh, Health]:
     unit = (vertices - centre) / scale
 
     joined = edges(faces)
+    if len(joined.boundary):
+        # Far from the origin single precision is coarser than the unit frame shows, up to a point.
+        near = NEAR * min(max(1.0, float(np.abs(vertices).max()) / scale), 100.0)
+        sewn = without_seams(unit, joined, near, repairs)
+        if sewn is not joined.faces:
+            vertices, faces = without_unreferenced(vertices, without_duplicates(unit, sewn, repairs), {})
+            unit = (vertices - centre) / scale
+            joined = edges(faces)
     turn = faces_to_turn(unit, joined)
     if turn.any():
         note(repairs, "reoriented_faces", int(turn.sum()))
