@@ -7,6 +7,8 @@ area: cleaning would remove these and leave a crack to the neighbour that uses t
 
 from __future__ import annotations
 
+import heapq
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -189,18 +191,27 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
         return not any(_inside(points[j], a, b, c, near) for j in blunt)
 
     ears = {i for i in range(size) if ear(i)}
+    # The corners by how far they turn, the widest first, made when ears run out; those that are cut or have new
+    # neighbours stand in it with numbers of old, and are passed over.
+    widest: list[tuple[float, int, int, int]] = []
     triangles: list[tuple[int, int, int]] = []
-    here, left, waited = 0, size, 0
+    here, left = 0, size
     while left > 3:
-        if here not in ears and waited <= left:
-            here, waited = after[here], waited + 1
-            continue
-        if here not in ears:
-            here = _widest(points, before, after, here)
+        if not ears:
+            if not widest:
+                widest = [_turn(points, before, after, i) for i in _around(after, here)]
+                heapq.heapify(widest)
+            while True:
+                _, here, behind, ahead = heapq.heappop(widest)
+                if here != before[here] and (behind, ahead) == (before[here], after[here]):
+                    break
+        while ears and here not in ears:
+            here = after[here]
         behind, ahead = before[here], after[here]
         triangles.append((behind, here, ahead))
         after[behind], before[ahead] = ahead, behind
-        left, waited = left - 1, 0
+        before[here] = here
+        left -= 1
         ears.discard(here)
         for i in (here, behind, ahead):
             if i == here or sharp(i):
@@ -211,6 +222,8 @@ def clip_ears(polygon: Floats) -> list[tuple[int, int, int]]:
                 obstacles[i] = polygon[i]
         for i in (behind, ahead):
             (ears.add if ear(i) else ears.discard)(i)
+            if widest:
+                heapq.heappush(widest, _turn(points, before, after, i))
         # Passing over the neighbour keeps the triangles from all meeting in one corner.
         here = after[ahead]
     triangles.append((before[here], here, after[here]))
@@ -239,13 +252,17 @@ def _any_inside(points: Floats, a: Point, b: Point, c: Point, near: float) -> bo
     return bool(inside.any())
 
 
-def _widest(points: list[Point], before: list[int], after: list[int], start: int) -> int:
-    best, most, i = start, -np.inf, start
-    while True:
-        a, b, c = points[before[i]], points[i], points[after[i]]
-        turn = (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-        if turn > most:
-            best, most = i, turn
+def _turn(points: list[Point], before: list[int], after: list[int], i: int) -> tuple[float, int, int, int]:
+    """(minus twice the area that cutting the corner adds, the corner, its neighbours)."""
+    a, b, c = points[before[i]], points[i], points[after[i]]
+    turn = (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
+    return -turn, i, before[i], after[i]
+
+
+def _around(after: list[int], start: int) -> Iterator[int]:
+    """The corners that are left, from one of them on."""
+    yield start
+    i = after[start]
+    while i != start:
+        yield i
         i = after[i]
-        if i == start:
-            return best
