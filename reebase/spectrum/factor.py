@@ -32,6 +32,9 @@ LEAF = 16
 CROWDED = 10.0
 """Vertices with more neighbours than this times sqrt(m) come last: no cut can hold them apart."""
 
+FULL = 30.0
+"""More entries of L than this times m log2 m mean that the order is bad; surfaces have 2 to 10 times that."""
+
 Array = npt.NDArray[np.float64]
 
 
@@ -47,13 +50,28 @@ class Elimination:
 
         self._graph = C.indptr.astype(np.int32, copy=False), C.indices.astype(np.int32, copy=False)
         self._values = C.data
-        points = kernels.places(*self._graph) if points is None else np.array(points, dtype=np.float64)
-        crowded = int(CROWDED * np.sqrt(C.shape[0]))
+        self._dissect(kernels.places(*self._graph) if points is None else np.array(points, dtype=np.float64))
+        if points is not None and self.entries > FULL * C.shape[0] * np.log2(C.shape[0] + 1):
+            # Edges run across the whole shape, so that planes cannot cut it; distances along its edges can.
+            before = self.entries, self._order, self._pattern, self._steps, self._height
+            self._dissect(kernels.places(*self._graph))
+            if self.entries > before[0]:
+                _, self._order, self._pattern, self._steps, self._height = before
+
+    def _dissect(self, points: Array) -> None:
+        from reebase.spectrum import factor_kernels as kernels
+
+        crowded = int(CROWDED * np.sqrt(len(points)))
         self._order, first = kernels.dissect(*self._graph, points, LEAF, crowded)
         number, starts, rows, child, sibling = kernels.fill_in(*self._graph, self._order, first)
         sequence, panel, height = kernels.schedule(first, starts, child, sibling)
         self._pattern = first, starts, rows, panel
         self._steps, self._height = (number, child, sibling, sequence), height
+
+    @property
+    def entries(self) -> int:
+        """Entries that L will have."""
+        return int(self._pattern[3][-1])
 
     def factor(self, shift: Array) -> Factor:
         """L and S of C + diag(shift), shift (m,). Raises ComputationError when a pivot vanishes."""

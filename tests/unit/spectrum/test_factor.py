@@ -58,6 +58,13 @@ def test_the_factor_of_a_surface_stays_sparse():
             assert factor.entries < 80 * C.shape[0]
 
 
+def test_vertices_that_lie_anywhere_do_not_fill_the_factor():
+    """A sphere whose vertices were thrown about: its edges run across the whole, and planes cut thousands of them."""
+    sphere = icosphere(4)
+    thrown = np.random.default_rng(0).random(sphere.vertices.shape)
+    assert Elimination(stiff(sphere), thrown).entries < 2 * Elimination(stiff(sphere), sphere.vertices).entries
+
+
 def test_a_hub_does_not_fill_the_factor():
     assert Elimination(stiff(HUB), HUB.vertices).factor(np.ones(601)).entries < 40 * 601
 
