@@ -11,7 +11,7 @@ eigenvalues, which S counts.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +38,20 @@ FULL = 30.0
 Array = npt.NDArray[np.float64]
 
 
+Int32 = npt.NDArray[np.int32]
+Int64 = npt.NDArray[np.int64]
+Pattern = tuple[Int32, Int64, Int32, Int64]
+
+
+class _Dissection(NamedTuple):
+    """order: of the vertices; pattern and steps: of the panels; height: entries of the fronts at once."""
+
+    order: Int32
+    pattern: Pattern
+    steps: tuple[Int32, Int32, Int32, Int32]
+    height: int
+
+
 class Elimination:
     """The order of elimination and the pattern of L: what factors of one C share, whatever is added to its diagonal.
 
@@ -50,35 +64,35 @@ class Elimination:
 
         self._graph = C.indptr.astype(np.int32, copy=False), C.indices.astype(np.int32, copy=False)
         self._values = C.data
-        self._dissect(kernels.places(*self._graph) if points is None else np.array(points, dtype=np.float64))
+        self._dissection = self._dissect(kernels.places(*self._graph) if points is None else np.array(points))
         if points is not None and self.entries > FULL * C.shape[0] * np.log2(C.shape[0] + 1):
             # Edges run across the whole shape, so that planes cannot cut it; distances along its edges can.
-            before = self.entries, self._order, self._pattern, self._steps, self._height
-            self._dissect(kernels.places(*self._graph))
-            if self.entries > before[0]:
-                _, self._order, self._pattern, self._steps, self._height = before
+            by_planes, entries = self._dissection, self.entries
+            self._dissection = self._dissect(kernels.places(*self._graph))
+            if self.entries > entries:
+                self._dissection = by_planes
 
-    def _dissect(self, points: Array) -> None:
+    def _dissect(self, points: Array) -> _Dissection:
         from reebase.spectrum import factor_kernels as kernels
 
-        crowded = int(CROWDED * np.sqrt(len(points)))
-        self._order, first = kernels.dissect(*self._graph, points, LEAF, crowded)
-        number, starts, rows, child, sibling = kernels.fill_in(*self._graph, self._order, first)
+        points = np.asarray(points, dtype=np.float64)
+        order, first = kernels.dissect(*self._graph, points, LEAF, int(CROWDED * np.sqrt(len(points))))
+        number, starts, rows, child, sibling = kernels.fill_in(*self._graph, order, first)
         sequence, panel, height = kernels.schedule(first, starts, child, sibling)
-        self._pattern = first, starts, rows, panel
-        self._steps, self._height = (number, child, sibling, sequence), height
+        return _Dissection(order, (first, starts, rows, panel), (number, child, sibling, sequence), height)
 
     @property
     def entries(self) -> int:
         """Entries that L will have."""
-        return int(self._pattern[3][-1])
+        return int(self._dissection.pattern[3][-1])
 
     def factor(self, shift: Array) -> Factor:
         """L and S of C + diag(shift), shift (m,). Raises ComputationError when a pivot vanishes."""
         from reebase.spectrum.factor_kernels import factorise
 
+        made = self._dissection
         L, signs, failed = factorise(
-            *self._graph, self._values, shift, self._order, *self._pattern, *self._steps, self._height
+            *self._graph, self._values, shift, made.order, *made.pattern, *made.steps, made.height
         )
         if failed >= 0:
             raise ComputationError(
@@ -86,15 +100,15 @@ class Elimination:
                 "surface whose triangles have no area, makes it singular.",
                 vertex=int(failed),
             )
-        return Factor(self._order, self._pattern, L, signs)
+        return Factor(made.order, made.pattern, L, signs)
 
 
 @dataclass(frozen=True, eq=False)
 class Factor:
     """L and S of a matrix: solves with it, and counts its negative eigenvalues."""
 
-    _order: npt.NDArray[np.int32]
-    _pattern: tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int64]]
+    _order: Int32
+    _pattern: Pattern
     _L: Array
     _signs: Array
 

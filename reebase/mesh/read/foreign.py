@@ -84,7 +84,8 @@ _SUFFIXES = {
     "xyz": ("a list of points", _POINTS), "pts": ("a list of points", _POINTS), "asc": ("a list of points", _POINTS),
     "pcd": ("a PCD point cloud", _POINTS), "las": ("a LAS point cloud", _POINTS), "laz": ("a LAZ point cloud", _POINTS),
     "e57": ("an E57 point cloud", _POINTS), "msh": ("a Gmsh file", _SIMULATION), "vtk": ("a VTK file", _SIMULATION),
-    "mesh": ("a Medit mesh", _SIMULATION), "node": ("a TetGen file", _SIMULATION), "ele": ("a TetGen file", _SIMULATION),
+    "mesh": ("a Medit mesh", _SIMULATION), "node": ("a TetGen file", _SIMULATION),
+    "ele": ("a TetGen file", _SIMULATION),
     "dxf": ("a DXF file", _EXPORT), "dwg": ("a DWG file", _SOLID), "drc": ("a Draco file", _EXPORT),
     "ctm": ("an OpenCTM file", _EXPORT), "lwo": ("a LightWave file", _EXPORT), "ase": ("an ASE file", _EXPORT),
     "md2": ("a model of a Quake engine", _EXPORT), "ac": ("an AC3D file", _EXPORT), "bvh": ("a motion", _EXPORT),
@@ -125,7 +126,9 @@ def archive_in_words(names: Iterable[str]) -> str:
         shown = PurePath(meshes[0]).name[:60]
         return f"The file is a zip archive that holds the mesh {shown!r}. Unpack it and send that file."
     if meshes:
-        return f"The file is a zip archive that holds {len(meshes)} meshes. Unpack it and send each as a shape of its own."
+        return (
+            f"The file is a zip archive that holds {len(meshes)} meshes. Unpack it and send each as a shape of its own."
+        )
     for suffix in ("usdc", "usda", "dae", "amf", "fbx", "step", "stp", "brep"):
         if suffix in suffixes:
             what, advice = _SUFFIXES[suffix]

@@ -82,7 +82,9 @@ def _container(data: bytes) -> tuple[bytes, bytes | None]:
         raise TruncatedFile(f"A GLB file has a header of 20 bytes; the file has {len(data)}.")
     _, version, length, first, kind = np.frombuffer(data, "<u4", 5).tolist()
     if version != 2:
-        raise UnsupportedFeature(f"This is GLB version {version}, of glTF {version}.0; {_UPGRADE}", version=f"{version}.0")
+        raise UnsupportedFeature(
+            f"This is GLB version {version}, of glTF {version}.0; {_UPGRADE}", version=f"{version}.0"
+        )
     if length > len(data):
         raise TruncatedFile(
             f"The GLB header announces {length:,} bytes, but the file has {len(data):,}.",
@@ -204,7 +206,9 @@ def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors, limits: Limits) -
             continue
         extensions = primitive.get("extensions")
         if isinstance(extensions, dict) and "KHR_draco_mesh_compression" in extensions:
-            raise UnsupportedFeature("glTF: the mesh is compressed with Draco, which is not read. Export it without compression.")
+            raise UnsupportedFeature(
+                "glTF: the mesh is compressed with Draco, which is not read. Export it without compression."
+            )
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict) or "POSITION" not in attributes:
             continue

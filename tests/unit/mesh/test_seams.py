@@ -50,7 +50,7 @@ def test_a_small_feature_at_a_boundary_stays() -> None:
     sheet = grid(4, 5)
     a, b = sheet.vertices[0], sheet.vertices[1]
     small = a + 1e-8 * (b - a)
-    vertices = np.vstack([sheet.vertices, small, small + [0.0, 0.0, 1e-8]])
+    vertices = np.vstack([sheet.vertices, small, small + np.array([0.0, 0.0, 1e-8])])
     count = len(sheet.vertices)
     cleaned, health = clean(Mesh(vertices, np.vstack([sheet.faces, [[0, count, count + 1]]])))
     assert "sewn_vertices" not in health.repairs
