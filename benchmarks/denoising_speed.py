@@ -1,6 +1,6 @@
 """Speed of denoising from raw arrays, topology included, beside other tools in the same run, interleaved.
 
-    ./run python benchmarks/denoising_speed.py [--vertices 20000 100000] [--rounds 5] [--cost]
+    ./run python benchmarks/denoising_speed.py [--vertices 20000 100000] [--rounds 5] [--methods taubin] [--cost]
 
 The shape of ``lobes.py`` with noise of 0.2 mean edge lengths. Prints medians in microseconds of processor time per
 vertex, and how many times as long the peers of each target take; pin it to a core (``taskset -c 0``). --cost:
@@ -45,12 +45,14 @@ def timed(run: Callable[[Mesh, int], Mesh], mesh: Mesh, iterations: int) -> floa
     return time.process_time() - start
 
 
-def compare(vertices: int, rounds: int) -> None:
-    """Every target at one size."""
+def compare(vertices: int, rounds: int, methods: list[str]) -> None:
+    """The targets of these methods at one size."""
+    targets = [target for target in TARGETS if target[0] in methods]
     mesh = add_noise(five_lobes(vertices), 0.2)
     others = peers()
-    runs = {(name, count): ours(name) for name, count, _, _, _ in TARGETS} | {("auto", 1): ours("auto")}
-    runs |= {(peer, count): others[peer] for _, _, peer, count, _ in TARGETS if peer in others}
+    runs = {(name, count): ours(name) for name, count, _, _, _ in targets}
+    runs |= {("auto", 1): ours("auto")} if "auto" in methods else {}
+    runs |= {(peer, count): others[peer] for _, _, peer, count, _ in targets if peer in others}
     for (_, count), run in runs.items():
         timed(run, mesh, count)
     seconds: dict[tuple[str, int], list[float]] = {key: [] for key in runs}
@@ -63,7 +65,7 @@ def compare(vertices: int, rounds: int) -> None:
     for (name, count), value in middle.items():
         print(f"{name} x{count}".ljust(28), f"{1e6 * value / vertices:8.3f}   {value:8.3f} s")
     print("\ntimes as fast".ljust(49), "reached  target")
-    for name, count, peer, theirs, wanted in TARGETS:
+    for name, count, peer, theirs, wanted in targets:
         if (peer, theirs) in middle:
             reached = middle[peer, theirs] / middle[name, count]
             print(f"{name} x{count} / {peer} x{theirs}".ljust(48), f"{reached:7.1f}  {wanted:6.1f}", flush=True)
@@ -85,13 +87,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--vertices", nargs="+", type=int, default=[20_000, 100_000])
     parser.add_argument("--rounds", type=int, default=5)
+    names = [*dict.fromkeys(target[0] for target in TARGETS), "auto"]
+    parser.add_argument("--methods", nargs="+", choices=names, default=names, help="only these, and their peers")
     parser.add_argument("--cost", action="store_true", help="our filters from 5,000 to a million vertices")
     options = parser.parse_args()
     if options.cost:
         cost(min(options.rounds, 3))
         return
     for vertices in options.vertices:
-        compare(vertices, options.rounds)
+        compare(vertices, options.rounds, options.methods)
 
 
 if __name__ == "__main__":

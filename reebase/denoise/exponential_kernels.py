@@ -21,8 +21,8 @@ ROUNDING = 1.5 * 2.0**52
 BY_LOG_2 = 1.0 / math.log(2.0)
 LOG_2, REST_OF_LOG_2 = 0.6931471803691238, 1.9082149292705877e-10
 """The logarithm of 2 in a head with zeros at its end, so that multiples of it are exact, and the rest."""
-LEAST = -708.0
-"""exp of less is smaller than what a double holds."""
+LEAST = -600.0
+"""exp of less is 0 for all who add it to others; as it is, products with it are not subnormal, which takes long."""
 C2, C3, C4, C5, C6, C7, C8, C9, C10, C11, C12, C13 = (1.0 / math.factorial(k) for k in range(2, 14))
 
 

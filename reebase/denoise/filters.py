@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
 from reebase.denoise.bilateral_normal_global import BILATERAL_NORMAL_GLOBAL
 from reebase.denoise.fairing import FAIRING
 from reebase.denoise.fast_effective import FAST_EFFECTIVE
-from reebase.denoise.filter import Filter, FloatArray, Hold, Surface
+from reebase.denoise.filter import Filter, FloatArray, Surface, stepped
 from reebase.denoise.finite_volume import FINITE_VOLUME
 from reebase.denoise.graph_diffusion import GRAPH_P_LAPLACIAN, UNIFORM
 from reebase.denoise.guided_normal import GUIDED_NORMAL
@@ -79,12 +80,16 @@ def denoise(
     start, scale = framed(mesh.vertices, around)
     if scale == 0:
         return mesh
-    hold = held(boundary, around)
-    step = METHODS[method].prepare(Surface(start, mesh.faces, around, scale, hold), checked)
-    positions = start
-    for _ in range(iterations):
-        positions = positions + hold(positions, step(positions))
-    return Mesh(mesh.vertices + scale * (positions - start), mesh.faces)
+    surface = bounded(Surface(start, mesh.faces, around, scale), boundary)
+    chosen = METHODS[method]
+    if chosen.run is not None:
+        positions = chosen.run(surface, checked, iterations)
+    else:
+        positions = stepped(surface, chosen.prepare(surface, checked), iterations)
+    positions -= start
+    positions *= scale
+    positions += mesh.vertices
+    return Mesh(positions, mesh.faces)
 
 
 def choose(mesh: Mesh) -> Choice:
@@ -102,23 +107,22 @@ def apply_choice(mesh: Mesh, choice: Choice, boundary: str = "curve") -> Mesh:
     start, scale = framed(mesh.vertices, around)
     if scale == 0 or not choice.parts:
         return mesh
-    hold = held(boundary, around)
-    moved = hold(start, applied(Surface(start, mesh.faces, around, scale, hold), choice))
+    surface = bounded(Surface(start, mesh.faces, around, scale), boundary)
+    moved = surface.hold(start, applied(surface, choice))
     return Mesh(mesh.vertices + scale * ((start + moved) - start), mesh.faces)
 
 
-def held(boundary: str, around: Rings) -> Hold:
-    """What a kind of boundary allows of displacements, which are changed in place."""
-    curve, along = around.boundary_curve
+def bounded(surface: Surface, boundary: str) -> Surface:
+    """The surface with what a kind of boundary allows of displacements, which are changed in place."""
+    curve, along = surface.rings.boundary_curve
+    if len(curve) == 0 or boundary == "free":
+        return surface
 
     def hold(positions: FloatArray, displacements: FloatArray) -> FloatArray:
-        if boundary == "fixed":
-            displacements[curve] = 0.0
-        elif boundary == "curve":
-            displacements[curve] = along_curve(positions, displacements[curve], along)
+        displacements[curve] = 0.0 if boundary == "fixed" else along_curve(positions, displacements[curve], along)
         return displacements
 
-    return hold
+    return replace(surface, hold=hold, held=True)
 
 
 def framed(vertices: FloatArray, around: Rings) -> tuple[FloatArray, float]:
@@ -127,14 +131,12 @@ def framed(vertices: FloatArray, around: Rings) -> tuple[FloatArray, float]:
 
     There squares neither overflow nor lose digits. The length is 0 when no edge has a length.
     """
-    from reebase.mesh.topology_kernels import mean_distance
+    from reebase.mesh.topology_kernels import centred, mean_distance
 
     isolated = around.degrees == 0
     if isolated.all():
         return vertices, 0.0
-    start = vertices - vertices[int(isolated.argmin())]
-    start[isolated] = 0.0
-    extent = float(np.abs(start).max())
+    start, extent = centred(vertices, int(isolated.argmin()), isolated)
     if extent == 0:
         return start, 0.0
     start /= extent

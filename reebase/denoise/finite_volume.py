@@ -48,7 +48,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     def step(positions: FloatArray) -> FloatArray:
         return finite_volume_step(
             positions, surface.faces, rings.corner_starts, rings.ring,
-            rings.neighbour_starts, rings.neighbours, FLOOR, minor, robust, parameters["anisotropy"],
+            rings.neighbour_starts, rings.neighbours, rings.closed, FLOOR, minor, robust, parameters["anisotropy"],
         )  # fmt: skip
 
     return step

@@ -12,7 +12,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
+import numpy as np
+
+from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface, stepped
 
 __all__ = ["LAPLACIAN"]
 
@@ -29,9 +31,20 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     return step
 
 
+def run(surface: Surface, parameters: Mapping[str, Any], iterations: int) -> FloatArray:
+    """All steps in one go, where no boundary holds any."""
+    from reebase.denoise.laplacian_kernels import laplacian_steps
+
+    if surface.held:
+        return stepped(surface, prepare(surface, parameters), iterations)
+    shares = np.full(iterations, parameters["step"])
+    return laplacian_steps(surface.positions, surface.rings.neighbour_starts, surface.rings.neighbours, shares)
+
+
 LAPLACIAN = Filter(
     name="laplacian",
     summary="moves each vertex to the mean of its neighbours (1.8)",
     prepare=prepare,
     parameters={"step": Number(1.0, 0.0, 1.0, "share of the way to the mean", above_low=True)},
+    run=run,
 )

@@ -18,7 +18,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reebase.denoise.filter import Choice, Filter, FloatArray, Number, Step, Surface
+import numpy as np
+
+from reebase.denoise.filter import Choice, Filter, FloatArray, Number, Step, Surface, stepped
 from reebase.mesh.geometry import normalised
 
 __all__ = ["TAUBIN"]
@@ -30,12 +32,10 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
 
     rings = surface.rings
     normals = first_normals(surface) if parameters["along"] == "normals" else None
-    shrinking = parameters["step"]
-    swelling = 1 / (parameters["pass_band"] - 1 / shrinking)
 
     def step(positions: FloatArray) -> FloatArray:
         begin = positions
-        for share in (shrinking, swelling):
+        for share in pair(parameters):
             move = laplacian_step(positions, rings.neighbour_starts, rings.neighbours, share)
             if normals is not None:
                 move = (move * normals).sum(axis=1)[:, None] * normals
@@ -43,6 +43,23 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
         return positions - begin
 
     return step
+
+
+def run(surface: Surface, parameters: Mapping[str, Any], iterations: int) -> FloatArray:
+    """All pairs of steps, in one go where they may move along anything and no boundary holds any."""
+    from reebase.denoise.laplacian_kernels import laplacian_steps
+
+    if surface.held or parameters["along"] == "normals":
+        return stepped(surface, prepare(surface, parameters), iterations)
+    return laplacian_steps(
+        surface.positions, surface.rings.neighbour_starts, surface.rings.neighbours,
+        np.tile(pair(parameters), iterations),
+    )  # fmt: skip
+
+
+def pair(parameters: Mapping[str, Any]) -> tuple[float, float]:
+    """lambda and mu."""
+    return parameters["step"], 1 / (parameters["pass_band"] - 1 / parameters["step"])
 
 
 def first_normals(surface: Surface) -> FloatArray:
@@ -62,6 +79,7 @@ TAUBIN = Filter(
     name="taubin",
     summary="a step that shrinks and one that swells, which keeps low frequencies (Taubin 1995)",
     prepare=prepare,
+    run=run,
     parameters={
         "step": Number(0.5, 0.0, 0.9, "lambda, the share of the way to the mean", above_low=True),
         "pass_band": Number(0.1, 0.0, 0.5, "the frequency up to which nothing is damped, of at most 2"),

@@ -159,19 +159,28 @@ class Rings:
     """The triangles and the neighbours round each of m vertices, in compressed rows.
 
     corner_starts: (m + 1,). ring: next and previous vertex of each triangle round a vertex, int32, (3n, 2).
-    neighbour_starts: (m + 1,). neighbours: each j ~ i once, int32. shared: triangles that hold that edge.
+    neighbour_starts: (m + 1,). neighbours: each j ~ i once, int32.
+    closed: whether the triangles round a vertex are those of neighbours that follow one another, the last one's by
+    the first, bool, (m,), as inside an oriented manifold; elsewhere neighbours have no such order.
     """
 
     corner_starts: IntArray
     ring: IntArray
     neighbour_starts: IntArray
     neighbours: IntArray
-    shared: IntArray
+    closed: npt.NDArray[np.bool_]
 
     @cached_property
     def degrees(self) -> IntArray:
         """The number of neighbours of each vertex, (m,); 0 for an isolated vertex."""
         return np.diff(self.neighbour_starts)
+
+    @cached_property
+    def shared(self) -> IntArray:
+        """How many triangles hold the edge to each of ``neighbours``: 1 on the boundary."""
+        from reebase.mesh.topology_kernels import triangles_along
+
+        return triangles_along(self.corner_starts, self.ring, self.neighbour_starts, self.neighbours)
 
     @cached_property
     def boundary_curve(self) -> tuple[IntArray, IntArray]:
@@ -180,6 +189,8 @@ class Rings:
         Where the boundary passes a vertex more than once, or ends there, both neighbours are the vertex
         itself.
         """
+        if self.closed[self.degrees > 0].all():
+            return np.empty(0, dtype=np.int32), np.empty((0, 2), dtype=np.int32)
         rim = np.flatnonzero(self.shared == 1)
         source = np.searchsorted(self.neighbour_starts, rim, side="right") - 1
         vertices, first, counts = np.unique(source, return_index=True, return_counts=True)

@@ -4,12 +4,16 @@ range."""
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-__all__ = ["first_within", "group", "label", "mean_distance", "one_rings", "triangle_measures"]
+__all__ = [
+    "centred", "first_within", "group", "label", "mean_distance", "one_rings",
+    "triangle_measures", "triangles_along",
+]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
@@ -111,54 +115,108 @@ def first_within(points: FloatArray, cells: npt.NDArray[np.int64], reach: int, t
 
 
 @njit(cache=True, nogil=True)
-def one_rings(
-    faces: IntArray, count: int
-) -> tuple[IntArray, IntArray, IntArray, IntArray, IntArray]:
-    """Triangles and neighbours round each of ``count`` vertices.
-
-    Returns corner_starts (count + 1,) and ring (3n, 2): the next and the previous vertex of each corner at
-    a vertex; neighbour_starts (count + 1,), neighbours and shared: how many triangles hold that edge (1:
-    boundary). Triangles keep their order; a vertex is no neighbour of itself; neighbours stand in the order
-    in which the ring meets them.
-    """
+def corners_round(faces: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """corner_starts and ring of ``one_rings``: a counting sort of the corners by vertex."""
     starts = np.zeros(count + 1, dtype=np.int32)
     for f in range(len(faces)):
         for k in range(3):
-            starts[faces[f, k] + 1] += 1
+            starts[np.uint32(faces[f, k]) + np.uint32(1)] += 1
     for v in range(count):
         starts[v + 1] += starts[v]
     ring = np.empty((3 * len(faces), 2), dtype=np.int32)
     cursor = starts[:-1].copy()
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ring[cursor[a], 0] = b
-        ring[cursor[a], 1] = c
+        # A signed index costs a test whether it counts from the end.
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        place = np.uint32(cursor[a])
+        ring[place, 0], ring[place, 1] = b, c
         cursor[a] += 1
-        ring[cursor[b], 0] = c
-        ring[cursor[b], 1] = a
+        place = np.uint32(cursor[b])
+        ring[place, 0], ring[place, 1] = c, a
         cursor[b] += 1
-        ring[cursor[c], 0] = a
-        ring[cursor[c], 1] = b
+        place = np.uint32(cursor[c])
+        ring[place, 0], ring[place, 1] = a, b
         cursor[c] += 1
+    return starts, ring
+
+
+@njit(cache=True, nogil=True)
+def one_rings(
+    faces: IntArray, count: int
+) -> tuple[IntArray, IntArray, IntArray, IntArray, npt.NDArray[np.bool_]]:
+    """Triangles and neighbours round each of ``count`` vertices.
+
+    Returns corner_starts (count + 1,) and ring (3n, 2): the next and the previous vertex of each corner at
+    a vertex; neighbour_starts (count + 1,), neighbours; closed (count,). Triangles keep their order; a vertex is
+    no neighbour of itself. Where ``closed``, the triangles close one fan, alike oriented, and neighbours follow
+    one another round it from the next vertex of the first triangle; elsewhere they stand in the order in which
+    the ring meets them.
+    """
+    starts, ring = corners_round(faces, count)
     neighbour_starts = np.zeros(count + 1, dtype=np.int32)
     neighbours = np.empty(6 * len(faces), dtype=np.int32)
-    shared = np.zeros(6 * len(faces), dtype=np.int32)
+    closed = np.zeros(count, dtype=np.bool_)
+    # Of each vertex met as the next one, the corner; while a ring is looked at that is not closed, its place there.
     place = np.full(count, -1, dtype=np.int32)
-    used = 0
+    used: Any = np.uint32(0)
     for v in range(count):
-        begin = used
-        for k in range(starts[v], starts[v + 1]):
-            for side in range(2):
-                other = ring[k, side]
-                if other == v:
-                    continue
-                if place[other] < begin:
-                    place[other] = used
-                    neighbours[used] = other
-                    used += 1
-                shared[place[other]] += 1
+        begin, end = np.uint32(starts[v]), np.uint32(starts[v + 1])
+        for k in range(begin, end):
+            place[np.uint32(ring[k, 0])] = k
+        # Walks from triangle to triangle. No branch: where it leads is as good as random.
+        here: Any = begin
+        fan = end > begin
+        for step in range(end - begin):
+            following = np.uint32(place[np.uint32(ring[here, 1])])
+            inside = (following >= begin) & (following < end)
+            fan = fan & inside & (ring[here, 0] != v) & ((following == begin) == (step == end - begin - 1))
+            neighbours[used + np.uint32(step)] = ring[here, 0]
+            here = following if inside else begin
+        closed[v] = fan
+        if fan:
+            used += end - begin
+        else:
+            filled: Any = np.int64(used)
+            used = np.uint32(met(v, ring[begin:end], neighbours, place, filled))
         neighbour_starts[v + 1] = used
-    return starts, ring, neighbour_starts, neighbours[:used].copy(), shared[:used].copy()
+    # Not copied: what is left of them was never written to, and holds no memory.
+    return starts, ring, neighbour_starts, neighbours[:used], closed
+
+
+@njit(cache=True, nogil=True)
+def met(v: int, ring: IntArray, neighbours: IntArray, place: IntArray, used: int) -> int:
+    """Writes the neighbours of v as its ring meets them from ``used`` on; returns where they end.
+
+    place: any; it is -1 at these vertices afterwards.
+    """
+    begin = used
+    for k in range(len(ring)):
+        place[ring[k, 0]], place[ring[k, 1]] = -1, -1
+    for k in range(len(ring)):
+        for side in range(2):
+            other = ring[k, side]
+            if other != v and place[other] < 0:
+                place[other] = used
+                neighbours[used] = other
+                used += 1
+    for k in range(begin, used):
+        place[neighbours[k]] = -1
+    return used
+
+
+@njit(cache=True, nogil=True)
+def triangles_along(corner_starts: IntArray, ring: IntArray, starts: IntArray, neighbours: IntArray) -> IntArray:
+    """How many triangles hold the edge from each vertex to each of its neighbours, as long as ``neighbours``."""
+    result = np.zeros(len(neighbours), dtype=np.int32)
+    place = np.empty(len(starts) - 1, dtype=np.int32)
+    for v in range(len(starts) - 1):
+        for k in range(starts[v], starts[v + 1]):
+            place[neighbours[k]] = k
+        for k in range(corner_starts[v], corner_starts[v + 1]):
+            for side in range(2):
+                if ring[k, side] != v:
+                    result[place[ring[k, side]]] += 1
+    return result
 
 
 @njit(cache=True, nogil=True)
@@ -182,15 +240,41 @@ def triangle_measures(vertices: FloatArray, faces: IntArray, about: IntArray) ->
     return measures
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
+def centred(points: FloatArray, origin: int, left_out: npt.NDArray[np.bool_]) -> tuple[FloatArray, float]:
+    """The points about one of them, those left out at zero, (m, 3), and the largest absolute coordinate."""
+    result = np.empty((len(points), 3))
+    x, y, z, largest = points[origin, 0], points[origin, 1], points[origin, 2], 0.0
+    for i in range(len(points)):
+        a, b, c = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+        if left_out[i]:
+            a, b, c = 0.0, 0.0, 0.0
+        result[i, 0], result[i, 1], result[i, 2] = a, b, c
+        largest = max(largest, abs(a), abs(b), abs(c))
+    return result, largest
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def mean_distance(vertices: FloatArray, starts: IntArray, neighbours: IntArray) -> float:
     """The mean of |v_j - v_i| over all i and j ~ i: the mean edge length, as every edge is met from both
-    ends."""
-    total = 0.0
+    ends.
+
+    Roots are taken many at once, so that the compiler makes vectors of them.
+    """
+    squares = np.zeros(1024)
+    total, filled = 0.0, np.uint32(0)
     for i in range(len(vertices)):
-        for k in range(starts[i], starts[i + 1]):
-            j = neighbours[k]
-            x, y = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1]
-            z = vertices[j, 2] - vertices[i, 2]
-            total += math.sqrt(x * x + y * y + z * z)
-    return total / max(len(neighbours), 1)
+        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+        for k in range(np.uint32(starts[i]), np.uint32(starts[i + 1])):
+            j = np.uint32(neighbours[k])
+            a, b, c = vertices[j, 0] - x, vertices[j, 1] - y, vertices[j, 2] - z
+            # Written either way, and kept from one end: which one is as good as random.
+            squares[filled] = a * a + b * b + c * c
+            filled += np.uint32(j > i)
+            if filled == 1023:
+                for n in range(1023):
+                    total += math.sqrt(squares[n])
+                filled = np.uint32(0)
+    for n in range(filled):
+        total += math.sqrt(squares[n])
+    return total / max(len(neighbours) // 2, 1)

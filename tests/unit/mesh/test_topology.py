@@ -67,6 +67,43 @@ def test_rings_equal_sets(seed: int) -> None:
         assert [tuple(pair) for pair in around.ring[corners].tolist()] == turned
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_where_a_ring_is_closed_its_neighbours_follow_one_another(seed: int) -> None:
+    faces = some_faces(seed)
+    if seed % 2:
+        faces = np.concatenate([faces, 11 + icosphere(0).faces, [[11, 11, 12], [22, 23, 24], [22, 24, 23]]])
+    around = rings(faces, int(faces.max()) + 1)
+    for v in range(len(around.degrees)):
+        row = around.neighbours[around.neighbour_starts[v] : around.neighbour_starts[v + 1]].tolist()
+        ring = around.ring[around.corner_starts[v] : around.corner_starts[v + 1]].tolist()
+        assert around.closed[v] == is_one_fan(v, ring)
+        if around.closed[v]:
+            assert row[0] == ring[0][0]
+            assert sorted(zip(row, row[1:] + row[:1], strict=True)) == sorted(map(tuple, ring))
+
+
+def is_one_fan(v: int, ring: list[list[int]]) -> bool:
+    """Whether some order of all of these triangles goes round v once and comes back."""
+    if not ring or any(v in pair for pair in ring) or len({start for start, _ in ring}) < len(ring):
+        return False
+    after = dict(ring)
+    seen, here = [], ring[0][0]
+    while here in after and here not in seen:
+        seen.append(here)
+        here = after[here]
+    return here == ring[0][0] and len(seen) == len(ring)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_triangles_along_edges_equal_a_count(seed: int) -> None:
+    faces = some_faces(seed)
+    around = rings(faces, 11)
+    source = np.repeat(np.arange(11), around.degrees)
+    for v, j, found in zip(source, around.neighbours, around.shared, strict=True):
+        sides = [(f[k], f[(k + 1) % 3]) for f in faces.tolist() for k in range(3)]
+        assert found == sum({v, j} == {a, b} for a, b in sides)
+
+
 @pytest.mark.parametrize("mesh", CLOSED.values(), ids=CLOSED)
 def test_a_closed_manifold_has_two_faces_along_each_edge(mesh: Mesh) -> None:
     found = edges(mesh.faces)
@@ -77,7 +114,9 @@ def test_a_closed_manifold_has_two_faces_along_each_edge(mesh: Mesh) -> None:
     assert found.components[0] == 1
     assert found.fans[0] == len(mesh.vertices)
     assert found.boundary_loops == 0
-    assert (rings(mesh.faces, len(mesh.vertices)).shared == 2).all()
+    around = rings(mesh.faces, len(mesh.vertices))
+    assert (around.shared == 2).all()
+    assert around.closed.all()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,121 @@
+"""What denoising is worth to retrieval: every filter named, on each set as it is and with noise.
+
+    ./run python benchmarks/denoising_retrieval.py [SET ...] [--denoise none finite_volume auto] [--noise 0 0.2 0.4]
+
+SET is a folder with labels.csv, or `synthetic`; by default articulated-a, rigid-a and hires-a, looked for under
+$REEBASE_DATA or ../shared/data, where present, and the synthetic set. Noise is along the normals, in mean edge lengths,
+another draw for each shape. Two tasks: `among` has every shape of the set with the same noise, each a query among the
+others (leave-one-out); `copies` looks up the noisy copies among the originals, each described with the same filter:
+the share whose nearest is their own original, and NN and MAP over the others. For `srg`, `extended` and `fused`,
+which ranks unless a query names another. --cache keeps what is described in a folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from retrieval import DATA, load
+
+from reebase.denoise import add_noise
+from reebase.descriptors import descriptor_named, surface_of
+from reebase.errors import ReebaseError
+from reebase.evaluation.measures import evaluate
+from reebase.mesh import Mesh, clean, read
+from reebase.pipeline import Profile, describe
+from reebase.ranking import FUSED, PARTS, fuse, fused_matrix, query_scales, statistics
+
+NAMES = ("srg", *PARTS)
+SHOWN = ("srg", "extended", FUSED)
+Kept = dict[str, np.ndarray]
+
+
+def kept(mesh: Mesh, profile: Profile) -> Kept | None:
+    """What each descriptor keeps of a mesh; None where one refuses."""
+    try:
+        surface = surface_of(describe(mesh, profile))
+        return {name: descriptor_named(name).describe(surface) for name in NAMES}
+    except ReebaseError as refusal:
+        print("  left out:", refusal.message)
+        return None
+
+
+def described(name: str, meshes: list[Mesh], noise: float, method: str, cache: Path | None) -> list[Kept | None]:
+    """Every mesh with noise, denoised and described."""
+    file = cache / f"{Path(name).name}-{noise:g}-{method}.npz" if cache else None
+    if file is not None and file.is_file():
+        with np.load(file) as archive:
+            return [
+                {one: archive[f"{at} {one}"] for one in NAMES} if f"{at} srg" in archive else None
+                for at in range(len(meshes))
+            ]
+    profile = Profile(denoise=method)
+    found = [
+        kept(add_noise(mesh, noise, seed=number) if noise else mesh, profile) for number, mesh in enumerate(meshes)
+    ]
+    if file is not None:
+        arrays = {f"{at} {one}": kept_of[one] for at, kept_of in enumerate(found) if kept_of for one in NAMES}
+        np.savez(file, **arrays)
+    return found
+
+
+def matrices(shapes: list[Kept]) -> dict[str, np.ndarray]:
+    """The dissimilarities of all pairs under each ranking that is shown."""
+    parts = {name: descriptor_named(name).distances([one[name] for one in shapes]) for name in NAMES}
+    return {"srg": parts["srg"], "extended": parts["extended"], FUSED: fused_matrix(parts)}
+
+
+def across(originals: list[Kept], copies: list[Kept]) -> dict[str, np.ndarray]:
+    """The dissimilarity of each copy, a row, to each original."""
+    count = len(originals)
+    parts = {name: descriptor_named(name).distances([one[name] for one in [*originals, *copies]]) for name in NAMES}
+    known = statistics({part: parts[part][:count, :count] for part in PARTS}, np.arange(count))
+    fused = []
+    for row in range(count, 2 * count):
+        rows = {part: parts[part][row, :count] for part in PARTS}
+        fused.append(fuse(rows, query_scales(rows), known).dissimilarities)
+    return {**{name: parts[name][count:, :count] for name in ("srg", "extended")}, FUSED: np.array(fused)}
+
+
+def main() -> None:
+    default = [name for name in ("articulated-a", "rigid-a", "hires-a") if (DATA / name).is_dir()] + ["synthetic"]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sets", nargs="*", default=default)
+    parser.add_argument("--denoise", nargs="+", default=["none", "finite_volume", "auto"])
+    parser.add_argument("--noise", nargs="+", type=float, default=[0.0, 0.2, 0.4])
+    parser.add_argument("--cache", type=Path)
+    options = parser.parse_args()
+    if options.cache:
+        options.cache.mkdir(parents=True, exist_ok=True)
+    for name in options.sets:
+        labels, sources = load(name)
+        meshes = [clean(read(source) if isinstance(source, Path) else source)[0] for source in sources]
+        print(f"\n{name}: {len(meshes)} shapes".ljust(43), *(f"{which:>22s}" for which in SHOWN))
+        for noise in options.noise:
+            for method in options.denoise:
+                originals = described(name, meshes, 0.0, method, options.cache)
+                copies = described(name, meshes, noise, method, options.cache) if noise else originals
+                both = [at for at in range(len(meshes)) if originals[at] is not None and copies[at] is not None]
+                report(noise, method, [originals[at] for at in both], [copies[at] for at in both],
+                       [labels[at] for at in both])  # fmt: skip
+
+
+def report(noise: float, method: str, originals: list[Kept], copies: list[Kept], labels: list[str]) -> None:
+    """Both tasks at one noise by one filter."""
+    cells = []
+    for D in matrices(copies).values():
+        found = evaluate(D, labels, bootstrap=0).overall
+        cells.append(f"NN {found['nn']:.3f} MAP {found['map']:.3f}")
+    print(f"  noise {noise:g}, {method}, among".ljust(42), *(f"{cell:>22s}" for cell in cells), flush=True)
+    if noise:
+        cells = []
+        for D in across(originals, copies).values():
+            own = np.mean(np.diag(D) <= D.min(axis=1) + 1e-9)
+            found = evaluate(D - np.diag(np.diag(D)), labels, bootstrap=0).overall
+            cells.append(f"own {own:.3f} MAP {found['map']:.3f}")
+        print(f"  noise {noise:g}, {method}, copies".ljust(42), *(f"{cell:>22s}" for cell in cells), flush=True)
+
+
+if __name__ == "__main__":
+    main()
