@@ -40,27 +40,35 @@ def _find(parent: Int64, x: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _join(parent: Int64, x: int, y: int) -> None:
+def _join(parent: Int64, x: int, y: int) -> bool:
+    """Whether the two were apart."""
     x, y = _find(parent, x), _find(parent, y)
     parent[max(x, y)] = min(x, y)
+    return x != y
 
 
 @njit(cache=True, nogil=True)
-def _half_edges(m: int, faces: Int32) -> tuple[Int64, Int64]:
-    """Half-edges 3 f + i, corner i of face f to the next, by their smaller end, and where each end starts."""
-    start = np.zeros(m + 1, np.int64)
+def _half_edges(m: int, faces: Int32) -> tuple[Int32, Int32]:
+    """Face and larger end (3 n, 2) of all sides of faces, by their smaller end, and where each end starts (m + 1,)."""
+    start = np.zeros(m + 1, np.int32)
     for f in range(len(faces)):
-        for i in range(3):
-            start[min(faces[f, i], faces[f, (i + 1) % 3]) + 1] += 1
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        start[min(a, b)] += 1
+        start[min(b, c)] += 1
+        start[min(c, a)] += 1
+    total = 0
     for v in range(m):
-        start[v + 1] += start[v]
-    cursor = start[:-1].copy()
-    half_edges = np.empty(3 * len(faces), np.int64)
-    for f in range(len(faces)):
-        for i in range(3):
-            v = min(faces[f, i], faces[f, (i + 1) % 3])
-            half_edges[cursor[v]] = 3 * f + i
-            cursor[v] += 1
+        total += start[v]
+        start[v] = total
+    start[m] = total
+    half_edges = np.empty((total, 2), np.int32)
+    for f in range(len(faces) - 1, -1, -1):  # backwards, so that each end's sides are in the order of the faces
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for v, w in ((c, a), (b, c), (a, b)):
+            low = min(v, w)
+            start[low] -= 1
+            half_edges[start[low], 0] = f
+            half_edges[start[low], 1] = max(v, w)
     return half_edges, start
 
 
@@ -108,20 +116,28 @@ def adjacent_faces(u: Float, faces: Int32, first: Int32, offset: Int64) -> tuple
     half_edges, start = _half_edges(m, faces)
     pairs, ends = np.empty((12 * n, 2), np.int32), np.empty((12 * n, 2), np.int32)
     count = 0
-    seen, owner = np.full(m, -1, np.int64), np.full((m, 2), -1, np.int32)
+    owner = np.full((m, 2), -1, np.int32)
+    part = np.arange(n)
     for v in range(m):
         for h in range(start[v], start[v + 1]):
-            f, i = half_edges[h] // 3, half_edges[h] % 3
-            w = max(faces[f, i], faces[f, (i + 1) % 3])
-            if seen[w] != v:
-                seen[w] = v
-                owner[w] = -1
-            below = u[v] != u[w] or first[f] < u[v]
-            above = u[v] != u[w] or first[f] + offset[f + 1] - offset[f] > u[v]
-            count = _chain(f, v, w, below, above, owner[w], pairs, ends, count)
-    part = np.arange(n)
+            owner[half_edges[h, 1]] = -1
+        for h in range(start[v], start[v + 1]):
+            f, w = half_edges[h, 0], half_edges[h, 1]
+            if u[v] == u[w]:
+                below, above = first[f] < u[v], first[f] + offset[f + 1] - offset[f] > u[v]
+                count = _chain(f, v, w, below, above, owner[w], pairs, ends, count)
+                continue
+            g = owner[w, 0]
+            owner[w, 0] = f
+            if g >= 0 and g != f:
+                pairs[count, 0], pairs[count, 1] = g, f
+                ends[count, 0], ends[count, 1] = v, w
+                count += 1
+    parts = n
     for p in range(count):
-        _join(part, pairs[p, 0], pairs[p, 1])
+        parts -= _join(part, pairs[p, 0], pairs[p, 1])
+    if parts == 1:
+        return pairs[:count], ends[:count], parts
     for f in range(n):
         part[f] = _find(part, f)
     some, hanging = np.full(m, -1, np.int64), np.zeros(m, np.bool_)
@@ -137,10 +153,7 @@ def adjacent_faces(u: Float, faces: Int32, first: Int32, offset: Int64) -> tuple
                 below, above = first[f] < u[v], first[f] + offset[f + 1] - offset[f] > u[v]
                 count = _chain(f, v, v, below, above, owner[v], pairs, ends, count)
     for p in range(by_edges, count):
-        _join(part, pairs[p, 0], pairs[p, 1])
-    parts = 0
-    for f in range(n):
-        parts += part[f] == f
+        parts -= _join(part, pairs[p, 0], pairs[p, 1])
     return pairs[:count], ends[:count], parts
 
 
@@ -158,9 +171,12 @@ def join_pieces(
     across = np.empty((len(pairs), 2), np.int64)
     crossings = 0
     for p in range(len(pairs)):
+        f, g = pairs[p, 0], pairs[p, 1]
+        if first[f] == first[g] and offset[f + 1] - offset[f] == 1 and offset[g + 1] - offset[g] == 1:
+            _join(parent, offset[f], offset[g])  # both lie in one band, and so does what they share
+            continue
         s, t = u[ends[p, 0]], u[ends[p, 1]]
         low, high = _bands_met(min(s, t), max(s, t), bands)
-        f, g = pairs[p, 0], pairs[p, 1]
         shared = False
         for band in range(low, high + 1):
             x, y = offset[f] + band - first[f], offset[g] + band - first[g]
@@ -273,10 +289,12 @@ def extreme_rings(
     values, areas = np.empty((count, 2)), np.zeros((count, 2))
     values[:, 0], values[:, 1] = np.inf, -np.inf
     for f in range(len(faces)):
-        for v in faces[f]:
+        pieces = offset[f + 1] - offset[f]
+        for i in range(3):
+            v = faces[f, i]
             for x in range(offset[f], offset[f + 1]):
                 node, band = component[x], first[f] + x - offset[f]
-                if band <= u[v] <= band + 1:
+                if pieces == 1 or band <= u[v] <= band + 1:
                     if u[v] < values[node, 0] or (u[v] == values[node, 0] and rings[v] > areas[node, 0]):
                         values[node, 0], areas[node, 0] = u[v], rings[v]
                     if u[v] > values[node, 1] or (u[v] == values[node, 1] and rings[v] > areas[node, 1]):

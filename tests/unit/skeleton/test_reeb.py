@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -236,9 +237,9 @@ def test_a_finer_tessellation_of_the_same_surface_and_field_changes_nothing(name
     )
     first = reeb_graph(mesh, values, 32)
     second = reeb_graph(fine, np.concatenate([values, values[unique].mean(axis=1)]), 32)
-    np.testing.assert_array_equal(first.edges, second.edges)
-    np.testing.assert_allclose(first.areas, second.areas, rtol=1e-9)
-    np.testing.assert_allclose(first.positions, second.positions, atol=1e-9)
+    # Up to the numbering of nodes with equal areas; the rings of vertices are smaller.
+    rings = np.zeros(len(first.areas))
+    same_graph(replace(first, ring_areas=rings), replace(second, ring_areas=rings), tolerance=1e-9)
 
 
 def test_the_extremal_vertex_of_an_endpoint_is_its_tip():
