@@ -135,7 +135,8 @@ def main() -> int:
     logging.disable(logging.WARNING)
     there = [name for name, found in (("vtk", vtk), ("skeletor", skeletor)) if found]
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in there) or "no peer"
-    print(f"Python {sys.version.split()[0]}, {versions}, {chosen.bands} bands, load {os.getloadavg()[0]:.1f}, median ms")
+    load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
+    print(f"Python {sys.version.split()[0]}, {versions}, {chosen.bands} bands, {load}, median ms")
     peers = "".join(f"{tool:>19}" for tool in ("VTK", "wavefront 1", "wavefront 10"))
     print(f"{'':<20}{'vertices':>8}{'ours':>9}{'by area':>9}{peers}{'cycles':>7}{'VTK':>5}{'endpoints':>10}")
     right = True

@@ -30,9 +30,11 @@ def describe(surface: Surface) -> npt.NDArray[np.float64]:
     """Shares of the distances, over their mean, in each of 64 bins, float64, (64,), summing to 1."""
     from scipy.spatial.distance import pdist
 
+    from reebase.descriptors.d2_kernels import binned
+
     distances = pdist(surface_points(surface.body, POINTS))
-    scaled = np.minimum(distances / distances.mean(), FARTHEST)
-    return np.histogram(scaled, BINS, (0.0, FARTHEST))[0] / len(scaled)
+    counts = binned(distances / distances.mean(), np.linspace(0.0, FARTHEST, BINS + 1))
+    return np.asarray(counts / len(distances))
 
 
 def surface_points(mesh: Mesh, count: int, seed: int = 0) -> npt.NDArray[np.float64]:

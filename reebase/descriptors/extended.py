@@ -18,7 +18,8 @@ from reebase.descriptors.hks import TIMES, log_heat
 from reebase.descriptors.maxima import Maxima, persistent_maxima
 from reebase.descriptors.moments import moments_around, moments_at
 from reebase.descriptors.surface import Surface
-from reebase.spectrum.signatures import heat_kernel_signature, wave_kernel_signature
+from reebase.descriptors.wks import waves
+from reebase.spectrum.signatures import heat_kernel_signature
 
 __all__ = ["LEAST", "TIME", "describe", "endpoints", "place"]
 
@@ -55,7 +56,7 @@ def endpoints(surface: Surface) -> Maxima:
 
 def place(surface: Surface) -> Array:
     """Where the endpoints lie, in the order of the rows of ``describe``, float64, (k, 3)."""
-    return surface.body.vertices[endpoints(surface).vertices]
+    return surface.body.vertices[surface.shared(endpoints).vertices]
 
 
 def describe(surface: Surface) -> Array:
@@ -67,8 +68,8 @@ def describe(surface: Surface) -> Array:
     9, and of the bulge, 3; the standard deviation of the wave kernel signature at each energy, 16. The last column:
     the charge of the endpoint when it stays unmatched.
     """
-    found = endpoints(surface)
-    heat = log_heat(surface)
+    found = surface.shared(endpoints)
+    heat = surface.shared(log_heat)
     at = moments_at(surface, found.vertices)
     around = surface.shared(moments_around)
     own = {
@@ -97,5 +98,5 @@ def _mean_square(values: Array) -> Array:
 
 def _waves(surface: Surface) -> Array:
     """How unevenly waves of each energy spread over the surface, (1, 16)."""
-    waves = wave_kernel_signature(surface.spectrum())
-    return np.asarray(np.sqrt(surface.weights @ (waves - 1.0) ** 2)[None] / np.sqrt(waves.shape[1]))
+    found = surface.shared(waves)
+    return np.asarray(np.sqrt(surface.weights @ (found - 1.0) ** 2)[None] / np.sqrt(found.shape[1]))

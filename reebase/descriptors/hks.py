@@ -29,4 +29,4 @@ def log_heat(surface: Surface) -> npt.NDArray[np.float64]:
 
 def describe(surface: Surface) -> npt.NDArray[np.float64]:
     """Ten area-weighted quantiles of log h(., t) at each of 16 times, float64, (160,), quantile by quantile."""
-    return weighted_quantiles(log_heat(surface), surface.weights).ravel()
+    return weighted_quantiles(surface.shared(log_heat), surface.weights).ravel()

@@ -29,5 +29,5 @@ def limb_skeleton(surface: Surface) -> Skeleton:
     values = field(f"auto_diffusion:{TIME}", surface.body, surface.spectrum())
     bands = int(np.clip(np.ptp(values) / LEAST + 2, FEWEST, MAX_BANDS))
     graph, nodes = reeb_nodes(surface.body, values, bands)
-    ends = nodes[endpoints(surface).vertices]
+    ends = nodes[surface.shared(endpoints).vertices]
     return prune_to(graph, ends[np.sort(np.unique(ends, return_index=True)[1])])

@@ -27,7 +27,7 @@ def weighted_quantiles(values: Array, weights: Array, levels: Array = QUANTILES)
     share = weights / weights.sum()
     out = np.empty((len(levels), values.shape[1]))
     for column in range(values.shape[1]):
-        order = np.argsort(values[:, column], kind="stable")
+        order = np.argsort(values[:, column])
         sorted_share = share[order]
         out[:, column] = np.interp(levels, np.cumsum(sorted_share) - sorted_share / 2, values[order, column])
     return out

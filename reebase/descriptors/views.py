@@ -99,8 +99,9 @@ def canonical_frames(mesh: Mesh) -> tuple[Array, float, tuple[Array, Array]]:
     centroid = shares @ middles
     ends, middles = corners - centroid, middles - centroid
     # Over a triangle the mean of x x^T is (sum over corners of x x^T + 9 m m^T) / 12 with m its centroid.
-    spread = np.einsum("f,fki,fkj->ij", shares, ends, ends) + 9 * np.einsum("f,fi,fj->ij", shares, middles, middles)
-    facing = np.einsum("f,fi,fj->ij", shares / np.maximum(areas, np.finfo(np.float64).tiny) ** 2, normals, normals)
+    weighted = (shares[:, None, None] * ends).reshape(-1, 3)
+    spread = weighted.T @ ends.reshape(-1, 3) + 9 * (shares[:, None] * middles).T @ middles
+    facing = ((shares / np.maximum(areas, np.finfo(np.float64).tiny) ** 2)[:, None] * normals).T @ normals
     first, second = (np.linalg.eigh(moments)[1][:, ::-1] for moments in (spread, facing))
     return centroid, float(np.sqrt(np.trace(spread) / 12)), (first, second)
 

@@ -16,8 +16,13 @@ from reebase.descriptors.surface import Surface
 from reebase.descriptors.vectors import weighted_quantiles
 from reebase.spectrum.signatures import wave_kernel_signature
 
-__all__ = ["describe"]
+__all__ = ["describe", "waves"]
+
+def waves(surface: Surface) -> npt.NDArray[np.float64]:
+    """The wave kernel signature at 16 energies, float64, (m, 16)."""
+    return wave_kernel_signature(surface.spectrum())
+
 
 def describe(surface: Surface) -> npt.NDArray[np.float64]:
     """Ten area-weighted quantiles of w(., e) at each of 16 energies, float64, (160,), quantile by quantile."""
-    return weighted_quantiles(wave_kernel_signature(surface.spectrum()), surface.weights).ravel()
+    return weighted_quantiles(surface.shared(waves), surface.weights).ravel()

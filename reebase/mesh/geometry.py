@@ -72,8 +72,9 @@ def signed_volume(mesh: Mesh) -> float:
 
 def doubled_normals(mesh: Mesh) -> FloatArray:
     """Normal of each face with twice the face's area as its length, (n, 3)."""
-    corners = mesh.vertices[mesh.faces]
-    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    from reebase.mesh.topology_kernels import crossed_sides
+
+    return np.asarray(crossed_sides(mesh.vertices, mesh.faces))
 
 
 def lengths(vectors: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from numba import njit
 
 __all__ = [
-    "centred", "first_within", "group", "label", "mean_distance", "one_rings",
+    "centred", "crossed_sides", "first_within", "group", "label", "mean_distance", "one_rings",
     "triangle_measures", "triangles_along",
 ]  # fmt: skip
 
@@ -33,6 +33,20 @@ def group(keys: IntArray, count: int) -> tuple[IntArray, IntArray]:
         order[cursor[keys[i]]] = i
         cursor[keys[i]] += 1
     return starts, order
+
+
+@njit(cache=True, nogil=True)
+def crossed_sides(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """The cross product of the sides of each face that leave its first corner, (n, 3)."""
+    crossed = np.empty((len(faces), 3))
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = (vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2])
+        vx, vy, vz = (vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2])
+        crossed[f, 0] = uy * vz - uz * vy
+        crossed[f, 1] = uz * vx - ux * vz
+        crossed[f, 2] = ux * vy - uy * vx
+    return crossed
 
 
 @njit(cache=True, nogil=True)

@@ -61,8 +61,8 @@ class View:
 
 
 def _sign(along: Array, weights: Array, axis: Array) -> float:
-    skew = float(weights @ along**3)
-    spread = float(weights @ along**2) ** 1.5
+    skew = float(weights @ (along * along * along))
+    spread = float(weights @ (along * along)) ** 1.5
     if abs(skew) > 1e-6 * spread:
         return float(np.sign(skew))
     return float(np.sign(axis[np.argmax(np.abs(axis))]))

@@ -105,7 +105,9 @@ def _chain(
 
 
 @njit(cache=True, nogil=True)
-def adjacent_faces(u: Float, faces: Int32, first: Int32, offset: Int64) -> tuple[Int32, Int32, int]:
+def adjacent_faces(  # noqa: PLR0912 - one pass over edges, one over vertices
+    u: Float, faces: Int32, first: Int32, offset: Int64
+) -> tuple[Int32, Int32, int]:
     """Pairs of faces that touch (p, 2), the ends of what they share (p, 2), and the number of separate parts.
 
     The faces round an edge are chained in the order of the file; round an edge within a level those above
