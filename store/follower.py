@@ -31,7 +31,8 @@ from store.tables import collection, endpoint_features, tombstone
 __all__ = ["Hung", "IndexFollower"]
 
 _BATCH = 1000
-"""Shapes that are hung in a gallery at once: what is read for them is held twice meanwhile."""
+"""Shapes that are hung in a gallery at once, and as many as it has where that is more: what is read for them is held
+twice meanwhile, and what hangs already is copied each time."""
 
 _MEMORY = 1 << 30
 
@@ -153,7 +154,7 @@ def _indexed(index: Index, changed: Iterable[Described], deleted: list[str]) -> 
 def _hung(hung: Hung, changed: Iterator[Described], deleted: list[str]) -> Hung:
     gallery, lacking = hung.gallery, set(hung.lacking)
     parts = len(gallery.ranking.parts)
-    while batch := list(itertools.islice(changed, _BATCH)):
+    while batch := list(itertools.islice(changed, max(_BATCH, len(gallery)))):
         gallery = gallery.changed(
             {one.shape_id: one.kept for one in batch if len(one.kept) == parts},
             [one.shape_id for one in batch if len(one.kept) < parts],

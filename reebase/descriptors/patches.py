@@ -129,8 +129,8 @@ def _closest(part: Array, whole: Array, measure: str) -> tuple[float, npt.NDArra
 
 
 def _one_to_many(query: Array, stack: Stack, measure: str) -> Array:
-    ends = stack.offsets[1:]
-    shapes = (stack.values[start:end] for start, end in zip(stack.offsets, ends, strict=False))
+    ends, values = stack.offsets[1:], np.asarray(stack.values, dtype=np.float64)
+    shapes = (values[start:end] for start, end in zip(stack.offsets, ends, strict=False))
     return np.array([_closest(query, shape, measure)[0] for shape in shapes])
 
 

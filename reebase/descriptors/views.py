@@ -13,6 +13,7 @@ Use it for rigid shapes of any quality: it needs neither connectivity nor a clea
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +27,7 @@ from reebase.mesh.mesh import Mesh
 __all__ = ["VIEWS", "canonical_frames", "describe"]
 
 Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.floating[Any]]
 
 SIZE = 64
 """Pixels along a side of an image."""
@@ -148,8 +150,8 @@ _SAMPLES = _samples()
 _TURNS = _turns()
 
 
-def _as_views(kept: npt.ArrayLike, name: str) -> Array:
-    rows = np.ascontiguousarray(kept, dtype=np.float64)
+def _as_views(kept: npt.ArrayLike, name: str) -> npt.NDArray[np.float32]:
+    rows = np.ascontiguousarray(kept, dtype=np.float32)
     if rows.size != 2 * SIDES * RINGS * WAVES or not np.isfinite(rows).all():
         raise ParameterError(
             f"{name} must be {2 * SIDES} x {RINGS * WAVES} finite numbers; found shape {rows.shape}.", parameter=name
@@ -157,7 +159,7 @@ def _as_views(kept: npt.ArrayLike, name: str) -> Array:
     return rows.reshape(2 * SIDES, RINGS * WAVES)
 
 
-def _one_to_many(query: Array, stack: Stack, measure: str) -> Array:
+def _one_to_many(query: Floats, stack: Stack, measure: str) -> Array:
     from reebase.descriptors.views_kernels import least_over_turns
 
     out = np.empty(stack.shapes)
@@ -165,5 +167,5 @@ def _one_to_many(query: Array, stack: Stack, measure: str) -> Array:
     return out
 
 
-VIEWS = Comparison(_as_views, _one_to_many)
+VIEWS = Comparison(_as_views, _one_to_many, precision=np.float32)
 """Mean over the views of the sums of absolute differences, the least over both frames and the 48 turns and flips."""

@@ -53,15 +53,15 @@ def depth_images(
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "nsz"})
-def _difference(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64], i: int, j: int) -> float:
-    total = 0.0
+def _difference(first: npt.NDArray[np.float32], second: npt.NDArray[np.float32], i: int, j: int) -> float:
+    total = np.float32(0.0)
     for k in range(first.shape[1]):
         total += abs(first[i, k] - second[j, k])
-    return total
+    return float(total)
 
 
 @njit(cache=True, nogil=True)
-def _comes_first(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64]) -> bool:
+def _comes_first(first: npt.NDArray[np.float32], second: npt.NDArray[np.float32]) -> bool:
     for i in range(first.shape[0]):
         for k in range(first.shape[1]):
             if first[i, k] != second[i, k]:
@@ -71,7 +71,7 @@ def _comes_first(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def least_over_turns(
-    query: npt.NDArray[np.float64], others: npt.NDArray[np.float64], turns: npt.NDArray[np.int64],
+    query: npt.NDArray[np.float32], others: npt.NDArray[np.float32], turns: npt.NDArray[np.int64],
     out: npt.NDArray[np.float64],
 ) -> None:  # fmt: skip
     """out[c] = the least over frames and turns t of the mean over views v of |a[v] - b[t[v]]|_1.

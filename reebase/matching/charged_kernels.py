@@ -16,7 +16,8 @@ from reebase.matching.assignment_kernels import assign
 __all__ = ["one_to_many", "one_to_one"]
 
 
-@njit(cache=True, nogil=True)
+# Sums in any order: one after the other, each addition waits for the last.
+@njit(cache=True, nogil=True, fastmath={"reassoc", "nsz"})
 def _squared(first: Any, i: int, second: Any, j: int) -> float:
     total = 0.0
     for k in range(first.shape[1]):

@@ -15,18 +15,19 @@ from reebase.matching.explanation import Match
 __all__ = ["Comparison", "Stack"]
 
 Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.floating[Any]]
 Progress = Callable[[float], None]
 
 
 class Stack(NamedTuple):
-    """The rows of n shapes in one array. values: float64, (total, w). offsets: int64, (n + 1,); shape i has the rows
-    offsets[i] .. offsets[i + 1]."""
+    """The rows of n shapes in one array. values: of the comparison's precision, (total, w). offsets: int64, (n + 1,);
+    shape i has the rows offsets[i] .. offsets[i + 1]."""
 
-    values: Array
+    values: Floats
     offsets: npt.NDArray[np.int64]
 
     @classmethod
-    def of(cls, shapes: Sequence[Array]) -> Stack:
+    def of(cls, shapes: Sequence[Floats]) -> Stack:
         """shapes: rows (k, w) each. Raises ParameterError unless w is the same for all."""
         widths = sorted({rows.shape[1] for rows in shapes})
         if len(widths) > 1:
@@ -48,17 +49,19 @@ class Stack(NamedTuple):
 class Comparison:
     """One way to compare shapes of which rows (k, w) are kept; a vector is one row.
 
-    rows: what is kept and what a refusal calls it -> its rows as the kernels want them, C-contiguous float64; raises
-    ParameterError for what cannot be compared.
+    rows: what is kept and what a refusal calls it -> its rows as the kernels want them, C-contiguous, of ``precision``;
+    raises ParameterError for what cannot be compared.
     one_to_many: rows of the query, a stack of n shapes, the name of a measure -> (n,), >= 0.
     one_sided: measures under which it matters which of two is the query; of the others D(a, b) = D(b, a), to the bit.
     explain: what is kept of two shapes and the name of a measure -> the parts of their dissimilarity, where it has any.
+    precision: of the rows. Single, which is how they are stored, where many numbers go into one dissimilarity.
     """
 
-    rows: Callable[[Any, str], Array]
-    one_to_many: Callable[[Array, Stack, str], Array]
+    rows: Callable[[Any, str], Floats]
+    one_to_many: Callable[[Any, Stack, str], Array]
     one_sided: frozenset[str] = frozenset()
     explain: Callable[[Any, Any, str], Match] | None = None
+    precision: type[np.floating[Any]] = np.float64
 
     def matrix(self, kept: Sequence[Any], measure: str, progress: Progress | None = None) -> Array:
         """The dissimilarity of all pairs, float64, (n, n), row = query, with the bits of ``one_to_many``.
@@ -67,7 +70,7 @@ class Comparison:
         """
         return self.all_pairs([self.rows(one, f"shapes[{i}]") for i, one in enumerate(kept)], measure, progress)
 
-    def all_pairs(self, shapes: Sequence[Array], measure: str, progress: Progress | None = None) -> Array:
+    def all_pairs(self, shapes: Sequence[Floats], measure: str, progress: Progress | None = None) -> Array:
         """As ``matrix``, of shapes whose ``rows`` are known."""
         stack, symmetric = Stack.of(shapes), measure not in self.one_sided
         count, done = len(shapes), 0

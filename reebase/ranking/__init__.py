@@ -7,10 +7,10 @@ descriptor by name.
 """
 
 from reebase.ranking.diffusion import CANDIDATES, UNREACHED, rerank, reranked_matrix
-from reebase.ranking.fusion import PARTS, REFERENCES, Fused, Statistics, fuse, fused_matrix, query_scales, statistics
+from reebase.ranking.fusion import PARTS, REFERENCES, Fused, Statistics, fuse, fused_matrix, statistics
 from reebase.ranking.named import DEFAULT, FUSED, RANKINGS, Ranking, ranking_named
 
 __all__ = [
     "CANDIDATES", "DEFAULT", "FUSED", "PARTS", "RANKINGS", "REFERENCES", "UNREACHED", "Fused", "Ranking", "Statistics",
-    "fuse", "fused_matrix", "query_scales", "ranking_named", "rerank", "reranked_matrix", "statistics",
+    "fuse", "fused_matrix", "ranking_named", "rerank", "reranked_matrix", "statistics",
 ]  # fmt: skip

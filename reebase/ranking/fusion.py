@@ -19,12 +19,12 @@ import numpy.typing as npt
 
 from reebase.errors import ParameterError
 
-__all__ = ["PARTS", "REFERENCES", "Fused", "Statistics", "fuse", "fused_matrix", "query_scales", "statistics"]
+__all__ = ["PARTS", "REFERENCES", "Fused", "Statistics", "fuse", "fused_matrix", "statistics"]
 
 Array = npt.NDArray[np.float64]
 Rows = Mapping[str, Array]
 
-WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0, "wks": 1.0, "views": 3.0})
+WEIGHTS: Mapping[str, float] = MappingProxyType({"extended": 3.0, "moments": 1.0, "wks": 1.0, "views": 5.0})
 """The descriptors that are fused, each by its default measure, and what each counts."""
 
 PARTS: tuple[str, ...] = tuple(WEIGHTS)
@@ -51,10 +51,6 @@ class Statistics:
 
     scales: Mapping[str, Array]
 
-    def among(self, shapes: npt.ArrayLike) -> Statistics:
-        """Of some of the shapes, by index and in that order."""
-        return Statistics({part: of[np.asarray(shapes)] for part, of in self.scales.items()})
-
 
 class Fused(NamedTuple):
     """dissimilarities: >= 0, about 1 to the nearest of a shape, float64, (n,). shares: part -> its share of the
@@ -67,27 +63,19 @@ class Fused(NamedTuple):
 def statistics(distances: Rows, references: npt.ArrayLike) -> Statistics:
     """Of n shapes from their distances to r of them: part -> (n, r), for every part.
 
-    references: which of the n these are, int, (r,). A shape's distance to itself is left out. Row i depends on row i
-    alone: a shape that comes to a large collection adds a row, and the others stay.
+    references: which of the n these are, int, (r,), -1 for one that is none of them. A shape's distance to itself is
+    left out. Row i depends on row i alone: a shape that comes to a large collection adds a row, and the others stay.
     Raises ParameterError when a part is missing or shapes do not agree.
     """
     columns = np.asarray(references, dtype=np.int64)
     _check(distances, (None, len(columns)))
+    inside = np.flatnonzero(columns >= 0)
     scales = {}
     for part in PARTS:
         rows = np.array(distances[part], dtype=np.float64)
-        rows[columns, np.arange(len(columns))] = np.inf
+        rows[columns[inside], inside] = np.inf
         scales[part] = _scales(rows)
     return Statistics(scales)
-
-
-def query_scales(distances: Rows) -> dict[str, float]:
-    """The scales of a shape from outside, from its distances to the references: part -> (r,).
-
-    Raises as ``statistics``.
-    """
-    _check(distances, (None,))
-    return {part: float(_scales(np.array(distances[part], dtype=np.float64)[None])[0]) for part in PARTS}
 
 
 def fuse(distances: Rows, own: Mapping[str, float], collection: Statistics) -> Fused:

@@ -17,11 +17,11 @@ from reebase.ranking import (
     CANDIDATES,
     REFERENCES,
     UNREACHED,
+    Fused,
     Ranking,
     Statistics,
     fuse,
     fused_matrix,
-    query_scales,
     rerank,
     statistics,
 )
@@ -47,26 +47,28 @@ class Ranked(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """Of one part: the rows of all shapes in single precision, and where those of each begin."""
+    """Of one part: the rows of all shapes in single precision, where those of each begin, and how they are compared."""
 
     values: npt.NDArray[np.float32]
     offsets: npt.NDArray[np.int64]
+    precision: type[np.floating[Any]]
 
     @classmethod
-    def of(cls, shapes: Sequence[Array]) -> _Kept:
+    def of(cls, part: str, shapes: Sequence[Floats] = ()) -> _Kept:
         stack = Stack.of(shapes)
-        return cls(stack.values.astype(np.float32), stack.offsets)
+        return cls(stack.values.astype(np.float32), stack.offsets, descriptor_named(part).comparison.precision)
 
     def stack(self, first: int = 0, last: int | None = None) -> Stack:
         offsets = self.offsets[first : None if last is None else last + 1]
-        return Stack(self.values[offsets[0] : offsets[-1]].astype(np.float64), offsets - offsets[0])
+        values = self.values[offsets[0] : offsets[-1]].astype(self.precision, copy=False)
+        return Stack(values, offsets - offsets[0])
 
     def taken(self, places: npt.NDArray[np.int64]) -> _Kept:
         """Of these shapes, in this order."""
         lengths = np.diff(self.offsets)[places]
         offsets = np.concatenate([[0], np.cumsum(lengths)])
         rows = np.repeat(self.offsets[places] - offsets[:-1], lengths) + np.arange(offsets[-1])
-        return _Kept(self.values[rows], offsets)
+        return _Kept(self.values[rows], offsets, self.precision)
 
     def joined(self, other: _Kept) -> _Kept:
         if len(other.offsets) == 1:
@@ -75,12 +77,12 @@ class _Kept(NamedTuple):
             return other
         return _Kept(
             np.concatenate([self.values, other.values]),
-            np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]),
-        )
+            np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]), self.precision,
+        )  # fmt: skip
 
 
 class _Known(NamedTuple):
-    """Distances that were computed before: part -> (n, r), of the shapes with these ids to these references."""
+    """Distances that were computed before: part -> (k, r), of the shapes with these ids to these references."""
 
     ids: tuple[str, ...]
     references: tuple[str, ...]
@@ -90,15 +92,16 @@ class _Known(NamedTuple):
 class Gallery:
     """A snapshot that never changes; ``changed`` gives the next one. Any number of threads may read it.
 
-    What is kept is held in single precision, as it is stored. For a fused ranking the distances of all shapes to
-    at most REFERENCES of them are computed when first needed, and taken over into later snapshots; while there
-    are no more shapes than that, these are the distances of all pairs.
+    What is kept is held in single precision, as it is stored. A fused ranking needs of the shapes that it compares the
+    distances to at most REFERENCES of all, which give their scales. They are computed when first needed, and taken over
+    into later snapshots; while there are no more shapes than that, these are the distances of all pairs. Beyond
+    CANDIDATES shapes only the nearest so many are compared so, so that no query has to measure a large collection.
     """
 
     def __init__(self, ranking: Ranking) -> None:
         self.ranking = ranking
         self.ids: tuple[str, ...] = ()
-        self._kept = {part: _Kept.of([]) for part in ranking.parts}
+        self._kept = {part: _Kept.of(part) for part in ranking.parts}
         self._known = _Known((), (), {})
         # An earlier snapshot that was measuring its distances when this one was made, and what was lost since.
         self._awaited: tuple[Gallery, frozenset[str]] | None = None
@@ -115,7 +118,7 @@ class Gallery:
     @property
     def bytes(self) -> int:
         """Memory of what is kept and of the distances computed so far."""
-        held = [array.nbytes for kept in self._kept.values() for array in kept]
+        held = [kept.values.nbytes + kept.offsets.nbytes for kept in self._kept.values()]
         return sum(held) + sum(found.nbytes for found in self._known.distances.values())
 
     def changed(self, put: Mapping[str, Mapping[str, Floats]], gone: Collection[str] = ()) -> Gallery:
@@ -131,7 +134,7 @@ class Gallery:
         after.ids = tuple(ids[place] for place in order)
         for part in self._kept:
             rows = descriptor_named(part).comparison.rows
-            new = _Kept.of([rows(np.float32(kept[part]), part) for kept in put.values()])
+            new = _Kept.of(part, [rows(np.float32(kept[part]), part) for kept in put.values()])
             after._kept[part] = self._kept[part].taken(stay).joined(new).taken(order)
         self._hand_on(after, frozenset(lost))
         return after
@@ -140,25 +143,44 @@ class Gallery:
         """Compare a query with every shape. query: what is kept of it by each part. id: its own, where it is here.
 
         again: re-rank a fused ranking. Exact; of a shape that is here, and of a copy of it, the row of
-        ``Ranking.matrix`` of all. Beyond CANDIDATES shapes the nearest so many are re-ranked, and the others come
-        after them. Raises ParameterError.
+        ``Ranking.matrix`` of all. Beyond CANDIDATES shapes a fused ranking compares the nearest so many, as the query's
+        own scales tell, and the others come after them in that order. Raises ParameterError.
         """
         distances = {part: self._to_all(part, query[part], measure) for part, measure in self.ranking.parts.items()}
         if self.ranking.measure is not None:
             only = distances[self.ranking.name]
             return Ranked(only, distances, {self.ranking.name: np.ones(len(only))})
         place = self.places.get(id) if id is not None else _copy(distances)
-        with self._lock:
-            known = self._statistics
-        if place is None:
-            own = query_scales({part: found[self._references] for part, found in distances.items()})
-        else:
-            own = {part: float(scales[place]) for part, scales in known.scales.items()}
-        fused = fuse(distances, own, known)
+        among = {part: found[None, self._references] for part, found in distances.items()}
+        scales = statistics(among, np.where(self._references == place, 0, -1)).scales
+        own = {part: float(scale[0]) for part, scale in scales.items()}
+        chosen, fused = self._fused_with(distances, own, place)
         found = fused.dissimilarities
         if again and len(self):
-            found = self._reranked(found, place)
+            found = self._reranked(found, chosen, place)
         return Ranked(found, distances, fused.shares)
+
+    def _fused_with(
+        self, distances: Mapping[str, Array], own: Mapping[str, float], place: int | None
+    ) -> tuple[npt.NDArray[np.int64], Fused]:
+        """The nearest shapes, increasing, and all fused with a query: these by their scales, all others after them."""
+        if len(self) <= CANDIDATES:
+            every = np.arange(len(self))
+            return every, fuse(distances, own, self._statistics(every))
+        alike = Statistics({part: np.full(len(self), scale) for part, scale in own.items()})
+        out, shares = fuse(distances, own, alike)
+        nearest = np.argsort(out, kind="stable")[:CANDIDATES]
+        if place is not None and place not in nearest:
+            nearest[-1] = place
+        chosen = np.sort(nearest)
+        among = {part: found[chosen] for part, found in distances.items()}
+        exact = fuse(among, own, self._statistics(chosen))
+        others = np.setdiff1d(np.arange(len(self)), chosen)
+        out[others] += exact.dissimilarities.max() - out[others].min()
+        out[chosen] = exact.dissimilarities
+        for part, share in exact.shares.items():
+            shares[part][chosen] = share
+        return chosen, Fused(out, shares)
 
     def _to_all(self, part: str, query: Floats, measure: str) -> Array:
         comparison = descriptor_named(part).comparison
@@ -175,42 +197,69 @@ class Gallery:
         order = np.argsort([crc32(id.encode()) for id in self.ids], kind="stable")
         return np.sort(order[:REFERENCES])
 
-    @cached_property
-    def _statistics(self) -> Statistics:
-        return statistics(self._distances(), self._references)
+    def _statistics(self, places: npt.NDArray[np.int64]) -> Statistics:
+        """Of these shapes."""
+        at = {int(place): row for row, place in enumerate(places)}
+        references = np.array([at.get(int(place), -1) for place in self._references], dtype=np.int64)
+        return statistics(self._distances(places), references)
 
     @cached_property
     def _fused(self) -> Array:
         """Of all pairs; for no more shapes than there may be references."""
-        return fused_matrix(self._distances(), self._statistics)
+        every = np.arange(len(self))
+        return fused_matrix(self._distances(every), self._statistics(every))
 
-    def _distances(self) -> Mapping[str, Array]:
-        """part -> (n, r), the distances to the references; what an earlier snapshot knew is not computed again."""
+    def _distances(self, places: npt.NDArray[np.int64]) -> Mapping[str, Array]:
+        """part -> (k, r), of these shapes to the references; what this or an earlier snapshot knows stays known.
+
+        When the references change, what is known of other shapes is forgotten: a change of all must not be paid for
+        at once.
+        """
         with self._lock:
             if self._awaited is not None:
                 before, lost = self._awaited
                 with before._lock:
                     self._known, self._awaited = before._known_without(lost), None
             references = tuple(self.ids[place] for place in self._references)
-            known = self._known
-            if not known.distances or (known.ids, known.references) != (self.ids, references):
-                found = {part: self._completed(part, measure) for part, measure in self.ranking.parts.items()}
-                self._known = _Known(self.ids, references, found)
-            return self._known.distances
+            ids = [self.ids[place] for place in places]
+            row_of = {id: row for row, id in enumerate(self._known.ids)}
+            if not self._known.distances or self._known.references != references:
+                found = {part: self._completed(part, measure, places) for part, measure in self.ranking.parts.items()}
+                self._known = _Known(tuple(ids), references, found)
+                return found
+            missing = [place for place, id in zip(places, ids, strict=True) if id not in row_of]
+            if missing:
+                new = np.array(missing, dtype=np.int64)
+                found = {
+                    part: np.concatenate([self._known.distances[part], self._completed(part, measure, new)])
+                    for part, measure in self.ranking.parts.items()
+                }
+                known = (*self._known.ids, *(self.ids[place] for place in missing))
+                self._known = _Known(known, references, found)
+                row_of = {id: row for row, id in enumerate(known)}
+            rows = [row_of[id] for id in ids]
+            return {part: found[rows] for part, found in self._known.distances.items()}
 
-    def _completed(self, part: str, measure: str) -> Array:
-        """Of one part, from what is known of it."""
-        one_to_many, stack = descriptor_named(part).comparison.one_to_many, self._kept[part].stack()
-        out = np.empty((len(self), len(self._references)))
-        rows = [self.places[id] for id in self._known.ids]
-        columns, old = _common(self._known.references, [self.ids[place] for place in self._references])
-        if columns:
-            out[np.ix_(rows, columns)] = self._known.distances[part][:, old]
-            among = self._kept[part].taken(self._references[columns]).stack()
-            for row in np.setdiff1d(np.arange(len(self)), rows):
-                out[row, columns] = one_to_many(_rows_of(stack, row), among, measure)
-        for column in np.setdiff1d(np.arange(len(self._references)), columns):
-            out[:, column] = one_to_many(_rows_of(stack, self._references[column]), stack, measure)
+    def _completed(self, part: str, measure: str, places: npt.NDArray[np.int64]) -> Array:
+        """Of one part, of these shapes to the references, from what is known of it."""
+        one_to_many = descriptor_named(part).comparison.one_to_many
+        out = np.empty((len(places), len(self._references)))
+        ids = [self.ids[place] for place in places]
+        columns, old_columns = _common(self._known.references, [self.ids[place] for place in self._references])
+        rows, old_rows = _common(self._known.ids, ids) if columns else ([], [])
+        if rows:
+            out[np.ix_(rows, columns)] = self._known.distances[part][np.ix_(old_rows, old_columns)]
+        stack = self._kept[part].taken(places).stack()
+        new = np.setdiff1d(np.arange(len(places)), rows)
+        if len(new):
+            among = self._kept[part].taken(self._references).stack()
+            for row in new:
+                out[row] = one_to_many(_rows_of(stack, row), among, measure)
+        if rows:
+            of_known = self._kept[part].taken(places[rows]).stack()
+            for column in np.setdiff1d(np.arange(len(self._references)), columns):
+                reference = self._kept[part].taken(self._references[[column]]).stack().values
+                out[rows, column] = one_to_many(reference, of_known, measure)
         return out
 
     def _hand_on(self, after: Gallery, lost: frozenset[str]) -> None:
@@ -231,20 +280,15 @@ class Gallery:
         known = self._known
         rows = [place for place, id in enumerate(known.ids) if id not in lost]
         columns = [place for place, id in enumerate(known.references) if id not in lost]
-        if len(rows) == len(known.ids):
+        if len(rows) == len(known.ids) and len(columns) == len(known.references):
             return known
         return _Known(
             tuple(known.ids[row] for row in rows), tuple(known.references[column] for column in columns),
             {part: found[np.ix_(rows, columns)] for part, found in known.distances.items()},
         )  # fmt: skip
 
-    def _reranked(self, fused: Array, place: int | None) -> Array:
+    def _reranked(self, fused: Array, chosen: npt.NDArray[np.int64], place: int | None) -> Array:
         """Re-ranked among the nearest; all others after these, in the order that they had."""
-        chosen = np.arange(len(self))
-        if len(self) > CANDIDATES:
-            chosen = np.sort(np.argsort(fused, kind="stable")[:CANDIDATES])
-            if place is not None and place not in chosen:
-                chosen[-1] = place
         pairs = self._pairs(chosen)
         out = UNREACHED + fused
         if place is None:
@@ -266,7 +310,7 @@ class Gallery:
             stack = self._kept[part].taken(chosen).stack()
             shapes = [_rows_of(stack, shape) for shape in range(stack.shapes)]
             found[part] = descriptor_named(part).comparison.all_pairs(shapes, measure)
-        return fused_matrix(found, self._statistics.among(chosen))
+        return fused_matrix(found, self._statistics(chosen))
 
 
 def _copy(distances: Mapping[str, Array]) -> int | None:
@@ -275,7 +319,7 @@ def _copy(distances: Mapping[str, Array]) -> int | None:
     return int(same[0]) if len(same) else None
 
 
-def _rows_of(stack: Stack, shape: int) -> Array:
+def _rows_of(stack: Stack, shape: int) -> Floats:
     return stack.values[stack.offsets[shape] : stack.offsets[shape + 1]]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reebase.errors import ParameterError
-from reebase.ranking import PARTS, fuse, fused_matrix, query_scales, rerank, reranked_matrix, statistics
+from reebase.ranking import PARTS, fuse, fused_matrix, rerank, reranked_matrix, statistics
 
 
 def distances(points: np.ndarray, seed: int = 0) -> dict[str, np.ndarray]:
@@ -65,9 +65,19 @@ def test_what_comes_nearer_in_one_part_comes_nearer(part):
 def test_a_query_from_outside_has_the_scales_that_it_would_have_inside():
     inside = statistics(ALL, np.arange(len(POINTS)))
     others = np.arange(len(POINTS) - 1)
-    outside = query_scales({part: ALL[part][-1, others] for part in PARTS})
+    outside = statistics({part: ALL[part][-1:, others] for part in PARTS}, np.full(len(others), -1))
     for part in PARTS:
-        assert outside[part] == pytest.approx(inside.scales[part][-1])
+        assert outside.scales[part] == pytest.approx(inside.scales[part][-1:])
+
+
+def test_some_of_the_shapes_have_the_scales_that_they_have_among_all():
+    references = np.arange(0, len(POINTS), 2)
+    full = statistics({part: ALL[part][:, references] for part in PARTS}, references)
+    some = [4, 1, 2]
+    among = np.where(np.isin(references, some), [{4: 0, 2: 2}.get(int(one), 0) for one in references], -1)
+    found = statistics({part: ALL[part][np.ix_(some, references)] for part in PARTS}, among)
+    for part in PARTS:
+        np.testing.assert_allclose(found.scales[part], full.scales[part][some], rtol=1e-14)
 
 
 def test_a_shape_that_comes_leaves_the_rows_of_the_others():
@@ -76,7 +86,6 @@ def test_a_shape_that_comes_leaves_the_rows_of_the_others():
     fewer = statistics({part: ALL[part][:-1, references] for part in PARTS}, references)
     for part in PARTS:
         np.testing.assert_array_equal(fewer.scales[part], full.scales[part][:-1])
-        np.testing.assert_array_equal(full.among([4, 2]).scales[part], full.scales[part][[4, 2]])
 
 
 def test_the_order_of_the_shapes_does_not_matter():

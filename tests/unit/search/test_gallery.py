@@ -104,6 +104,40 @@ def test_a_large_collection_is_ranked_through_references_and_candidates(ranking,
     np.testing.assert_array_equal(found.dissimilarities, expected.dissimilarities)
 
 
+@pytest.mark.parametrize("ranking", FUSIONS, ids=str)
+def test_a_query_of_a_large_collection_measures_its_candidates_alone(ranking, monkeypatch):
+    kept = shapes(ranking, 60)
+    monkeypatch.setattr(gallery, "REFERENCES", 12)
+    monkeypatch.setattr(gallery, "CANDIDATES", 15)
+    held = filled(ranking, kept)
+    compared = []
+    completed = Gallery._completed
+
+    def counted(self, part, measure, places):
+        compared.append(len(places))
+        return completed(self, part, measure, places)
+
+    monkeypatch.setattr(Gallery, "_completed", counted)
+    found = held.rank(kept["022"], "022", again=ranking.rerank)
+    assert compared == [15] * len(PARTS)
+    again = held.rank(kept["022"], "022", again=ranking.rerank)
+    assert compared == [15] * len(PARTS)
+    np.testing.assert_array_equal(again.dissimilarities, found.dissimilarities)
+    # What was asked before changes nothing, and neither does what came and went.
+    held.rank(kept["007"], "007", again=ranking.rerank)
+    passed = held.changed({"100": kept["022"], "101": kept["003"]}).changed({"102": kept["001"]}, ["100", "101"])
+    passed.rank(kept["007"], "007", again=ranking.rerank)
+    back = passed.changed({}, ["102"])
+    for id in ("022", "041"):
+        fresh = filled(ranking, kept).rank(kept[id], id, again=ranking.rerank)
+        for one in (held, back):
+            for mine, other in zip(one.rank(kept[id], id, again=ranking.rerank), fresh, strict=True):
+                np.testing.assert_equal(mine, other)
+    # All are ranked; the first of those that are not candidates is as far as the last that is.
+    assert len(np.unique(found.dissimilarities)) == 59 + ranking.rerank
+    np.testing.assert_allclose(sum(found.shares.values()), 1.0)
+
+
 def test_a_snapshot_made_while_another_is_measured_does_not_measure_it_all_again(monkeypatch):
     ranking = FUSIONS[0]
     kept = shapes(ranking, 30)
@@ -112,11 +146,11 @@ def test_a_snapshot_made_while_another_is_measured_does_not_measure_it_all_again
     measuring, later_is_made, columns = threading.Event(), threading.Event(), []
     completed = Gallery._completed
 
-    def slowly(self, part, measure):
+    def slowly(self, part, measure, places):
         measuring.set()
         assert later_is_made.wait(10)
-        columns.append(len(self) - len(self._known.ids))
-        return completed(self, part, measure)
+        columns.append(len({self.ids[place] for place in places} - set(self._known.ids)))
+        return completed(self, part, measure, places)
 
     monkeypatch.setattr(Gallery, "_completed", slowly)
     thread = threading.Thread(target=first.rank, args=(kept["000"],))
@@ -135,7 +169,7 @@ def test_a_snapshot_made_while_another_is_measured_does_not_measure_it_all_again
 def test_the_memory_is_that_of_single_precision_and_of_distances_to_references(monkeypatch):
     ranking = FUSIONS[1]
     held = filled(ranking, shapes(ranking, 30))
-    single = sum(np.asarray(array).nbytes for kept in held._kept.values() for array in kept)
+    single = sum(kept.values.nbytes + kept.offsets.nbytes for kept in held._kept.values())
     assert held.bytes == single
     monkeypatch.setattr(gallery, "REFERENCES", 10)
     held.rank({part: drawn(part, 0) for part in PARTS})
