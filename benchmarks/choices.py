@@ -1,6 +1,6 @@
 """The constants of `extended`, `moments`, `fused` and re-ranking: what other values give, and what folds would choose.
 
-    ./run python benchmarks/choices.py [SET ...] [--folds 5] [--only extended]
+    ./run python benchmarks/choices.py [SET ...] [--folds 4] [--only extended]
 
 SET is a folder with labels.csv, or several as one set, A+B; by default articulated-a+rigid-a and hires-a, looked for
 under $REEBASE_DATA or ../shared/data. One constant is changed at a time. The classes of each set are dealt into folds;
@@ -49,7 +49,7 @@ def weights(module: ModuleType, name: str, factors: tuple[float, ...]) -> list[C
 
 
 CHOICES = [
-    Choice(extended, "TIME", [0.03, 0.04, 0.07], "extended"),
+    Choice(extended, "TIME", [0.03, 0.05, 0.07], "extended"),
     Choice(extended, "LEAST", [0.01, 0.03, 0.05], "extended"),
     Choice(extended, "CHARGE", [1.0, 2.0], "extended"),
     Choice(extended, "CHARGES", [(0.3, 1.5), (0.8, 1.5), (0.6, 1.0), (0.6, 2.5)], "extended"),
@@ -103,11 +103,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     default = [name for name in ("articulated-a+rigid-a", "hires-a") if (DATA / name.partition("+")[0]).is_dir()]
     parser.add_argument("sets", nargs="*", default=default)
-    parser.add_argument("--folds", type=int, default=5)
+    parser.add_argument("--folds", type=int, default=4)
     parser.add_argument("--denoise", default="none")
     parser.add_argument("--only", nargs="*", default=["extended", "moments", "fused", "re-ranked"])
     options = parser.parse_args()
     sets = [labelled(name, Profile(denoise=options.denoise)) for name in options.sets]
+    for name, one in zip(options.sets, sets, strict=True):
+        if len(set(one.labels)) < 2 * options.folds:
+            parser.error(f"{name} has {len(set(one.labels))} classes: {options.folds} folds of two or more need more.")
     for choice in CHOICES:
         if choice.bears_on in options.only:
             report(choice, sets, options.folds)

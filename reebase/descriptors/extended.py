@@ -25,7 +25,7 @@ __all__ = ["LEAST", "TIME", "describe", "endpoints", "place"]
 
 Array = npt.NDArray[np.float64]
 
-TIME = 0.05
+TIME = 0.04
 """Time of the auto diffusion field over the area."""
 
 LEAST = 0.02
@@ -37,7 +37,7 @@ CHARGES = (0.6, 1.5)
 and cheaper ones let limbs that differ stay alone."""
 
 OWN = {"heat": 0.75, "spread": 2.0, "facing": 2.0}
-SHARED = {"spread": 1.0, "extent": 0.5, "bulge": 2.0, "waves": 0.75}
+SHARED = {"spread": 1.5, "extent": 0.5, "bulge": 2.0, "waves": 0.75}
 """Weights of the features of the endpoint and of the shape. Each is a root mean square over the times or energies, in
 nats or in ratios, and so on a scale that is the same in every collection."""
 

@@ -90,7 +90,7 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("srg", "Endpoints of the spectral Reeb graph, compared by D.",
                    srg.describe, ENDPOINTS, tuple(MEASURES)),
         Descriptor("extended", "Limbs: maxima of the auto diffusion field, what surrounds them; compared by D.",
-                   extended.describe, CHARGED, ("matching",), place=extended.place, version=3),
+                   extended.describe, CHARGED, ("matching",), place=extended.place, version=4),
         Descriptor("rgpd", "Endpoints of the Reeb graph of geodesic distance, compared by D.",
                    rgpd.describe, ENDPOINTS, tuple(MEASURES), version=2),
         Descriptor("shape_dna", "The first 20 eigenvalues.", shape_dna.describe, VECTORS, ("l2", "l1")),
