@@ -31,7 +31,7 @@ from reebase.errors import ParameterError
 from reebase.evaluation import SCORES
 from reebase.evaluation import evaluate as evaluate_matrix
 from reebase.pipeline import Profile
-from reebase.ranking import FUSED, RANKINGS, Ranking, ranking_named
+from reebase.ranking import DEFAULT, FUSED, RANKINGS, Ranking, ranking_named
 from reebase.report.record import Entry
 from reebase.words import counted
 
@@ -44,10 +44,11 @@ def evaluate(
     labels: options.Labels = None,
     descriptor: Annotated[
         list[str] | None,
-        typer.Option(help=f"What ranks, may be repeated: {', '.join(RANKINGS)}, or {ALL}. By default srg."),
+        typer.Option(help=f"What ranks, may be repeated: {', '.join(RANKINGS)}, or {ALL}. [default: {DEFAULT}]"),
     ] = None,
     measure: Annotated[
-        str | None, typer.Option(help="How: for srg matching (the default), matching_mean, greedy or literal.")
+        str | None,
+        typer.Option(help="How: for srg, which a measure alone means, matching, matching_mean, greedy or literal."),
     ] = None,
     rerank: Annotated[
         bool | None, typer.Option(help="Whether fused is re-ranked by diffusion: the default, and both with all.")
@@ -79,7 +80,7 @@ def evaluate(
     Exit code 0: all labelled meshes took part. 1: some were left out, and a table says why; the report is of the
     others. 2: it could not run.
     """
-    chosen = _chosen(descriptor or ["srg"], measure, rerank)
+    chosen = _chosen(descriptor or [ranking_named(None, measure).name], measure, rerank)
     profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator)
     check_target(json_out)
     kind = check_picture(plot, "svg")

@@ -19,12 +19,13 @@ class EvaluationCalls(Requests):
 
     def start_evaluation(
         self, *, collection: str | None = None, synthetic: Mapping[str, Any] | None = None,
-        profile: Mapping[str, Any] | None = None, descriptor: str = "srg", measure: str | None = None,
+        profile: Mapping[str, Any] | None = None, descriptor: str | None = None, measure: str | None = None,
         rerank: bool | None = None, bootstrap: int = 1000,
     ) -> Evaluation:  # fmt: skip
         """Start an evaluation of a collection with labels, or of the synthetic set.
 
         synthetic: its options, as ``{"per_class": 25, "seed": 0}``; profile: of the pipeline, for the synthetic set.
+        descriptor: by default what queries rank by, or ``srg`` where only a measure is given.
         Then ``wait(evaluation.task)`` and ``evaluation(evaluation.id).report``.
         Raises ServiceError: ``validation_error``, ``unknown_name``, ``collection_not_found``.
         """

@@ -61,7 +61,8 @@ def create_evaluation(
         principal.need_everywhere()
     ranking = ranking_named(body.descriptor, body.measure, body.rerank)
     params = {
-        **body.model_dump(exclude_none=True), "measure": ranking.measure, "rerank": ranking.rerank,
+        **body.model_dump(exclude_none=True),
+        "descriptor": ranking.name, "measure": ranking.measure, "rerank": ranking.rerank,
     }  # fmt: skip
     if body.profile is not None:
         params["profile"] = body.profile.model_dump()

@@ -57,8 +57,8 @@ class NewEvaluation(Body):
     collection: CollectionName | None = None
     synthetic: SyntheticBody | None = None
     profile: ProfileBody | None = Field(None, description="Of the synthetic set; a collection has its own.")
-    descriptor: Annotated[Text, one_of("descriptor", _rankings)] = Field(
-        "srg", description="What ranks: one of /v1/descriptors."
+    descriptor: Annotated[Text, one_of("descriptor", _rankings)] | None = Field(
+        None, description="What ranks: one of /v1/descriptors. Null: the default of queries, or srg with a measure."
     )
     measure: Annotated[Text, Field(max_length=64)] | None = Field(
         None, description="How that is compared; by default its first measure."

@@ -301,13 +301,13 @@ def evaluated(http: httpx.Client, request: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_an_evaluation_of_a_collection(http: httpx.Client, zoo: dict[str, str]) -> None:
-    found = evaluated(http, {"collection": "zoo", "bootstrap": 20})
+    found = evaluated(http, {"collection": "zoo", "bootstrap": 20, "descriptor": "srg"})
     assert set(found["report"]["per_class"]) == {"long", "short"}
 
 
 def test_an_evaluation_of_the_synthetic_set(http: httpx.Client) -> None:
     synthetic = {"per_class": 2, "seed": 1, "classes": ["snakes", "spiders"]}
-    found = evaluated(http, {"synthetic": synthetic, "bootstrap": 20, "profile": {"bands": 32}})
+    found = evaluated(http, {"synthetic": synthetic, "bootstrap": 20, "descriptor": "srg", "profile": {"bands": 32}})
     assert found["request"]["synthetic"]["seed"] == 1
     assert set(found["report"]["per_class"]) == {"snakes", "spiders"}
 

@@ -40,7 +40,7 @@ def evaluation(http: httpx.Client) -> str:
     ]
     for shape in made:
         indexed(http, shape)
-    return f"/v1/evaluations/{evaluated(http, collection='plotted')['id']}"
+    return f"/v1/evaluations/{evaluated(http, collection='plotted', measure='matching')['id']}"
 
 
 @pytest.mark.parametrize("plot", ["precision_recall", "matrix", "confusion"])

@@ -43,7 +43,7 @@ def report_of(command: Command, folder: Path, *options: object, code: int = 0) -
 
 
 def test_the_report_holds_what_is_promised(command: Command, folder: Path) -> None:
-    report = report_of(command, folder, "--jobs", 1)
+    report = report_of(command, folder, "--jobs", 1, "--measure", "matching")
     assert set(report["overall"]) == SCORES
     assert set(report["per_class"]) == {"capsules", "tori"}
     assert set(report["per_class"]["tori"]) > SCORES
@@ -52,6 +52,12 @@ def test_the_report_holds_what_is_promised(command: Command, folder: Path) -> No
     assert (report["descriptor"], report["measure"], report["shapes"], report["failed"]) == ("srg", "matching", 6, {})
     assert report["profile"]["bands"] == 24
     assert "matrix" not in report
+
+
+def test_what_ranks_queries_is_evaluated_by_default(command: Command, folder: Path) -> None:
+    report = report_of(command, folder, "--jobs", 1)
+    assert (report["descriptor"], report["measure"]) == ("fused, re-ranked", None)
+    assert report["overall"]["nn"] == 1.0
 
 
 def test_the_matrix_is_there_when_asked_for_and_jobs_change_nothing(command: Command, folder: Path) -> None:
