@@ -24,21 +24,32 @@ from reebase.matching.features import AREAS, endpoint_features
 from reebase.mesh.clean import clean
 from reebase.mesh.health import Health
 from reebase.mesh.mesh import Mesh
+from reebase.mesh.parts import Parts, links, parts
 from reebase.mesh.read import Limits, read
-from reebase.mesh.topology import largest_component
+from reebase.mesh.topology import compacted
 from reebase.skeleton import LEVELS, MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
 from reebase.spectrum import KINDS as OPERATORS
-from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, operator
+from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, linked
 from reebase.spectrum import field as scalar_field
+from reebase.spectrum import operator as laplacian
 
-__all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton"]
+__all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton", "skeletons_of_parts"]
 
-PIPELINE_VERSION = 4
+PIPELINE_VERSION = 5
 """Raised whenever the same mesh and profile would give other numbers, or more is kept of a shape; nothing is compared
 across versions."""
 
 STAGES = ("read", "clean", "denoise", "operator", "eigenpairs", "skeleton", "features")
 """The stages in order; progress names them."""
+
+COMPONENTS = ("joined", "largest")
+"""What the skeleton of a surface in several parts is."""
+
+LEAST_PART = 1e-9
+"""Parts with less than this share of the area are left out."""
+
+MOST_PARTS = 20_000
+"""Parts that are joined, the largest; others are left out, and the report says so."""
 
 Progress = Callable[[str, float], None]
 """Called with the stage that begins and the fraction of the whole that is done."""
@@ -54,6 +65,8 @@ class Profile:
     saliency: "area" or "length"; threshold: branches with less than this share are pruned, 0 to 0.99.
     area: "band" or "ring", the reading of the relative node area (METHOD §5).
     operator: "auto", "cotangent" or "tufted", what the stiffness is built from.
+    components: "joined", of a surface in several parts the skeletons of all, joined where they are nearest, or
+    "largest", that of the largest part by area alone.
     """
 
     denoise: str = "finite_volume"
@@ -65,6 +78,7 @@ class Profile:
     threshold: float = 0.01
     area: str = "band"
     operator: str = "auto"
+    components: str = "joined"
 
     def __post_init__(self) -> None:
         """Refuse what no stage could use. Raises UnknownName or ParameterError."""
@@ -74,6 +88,7 @@ class Profile:
             "saliency": (self.saliency, SALIENCIES),
             "area": (self.area, AREAS),
             "operator": (self.operator, OPERATORS),
+            "components": (self.components, COMPONENTS),
         }
         for kind, (name, names) in known.items():
             if name not in names:
@@ -106,7 +121,7 @@ class Description:
 
     cleaned, denoised: meshes with the same faces; health: the report with the flags of all stages.
     eigenvalues: the first three of the operator at unit area, (3,), lambda_1 = 0.
-    field: the scalar field at each vertex of ``denoised``, (m,), NaN off the largest component.
+    field: the scalar field at each vertex of ``denoised``, (m,), NaN off the parts that the skeleton is of.
     skeleton: pruned; features: omega of each endpoint in the order of ``skeleton.endpoints``, (k, 3).
     seconds: stage -> wall time.
     """
@@ -168,7 +183,7 @@ class Description:
             )
 
 
-_SKELETON_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
+_SKELETON_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints", "joins")
 
 
 class _Clock:
@@ -214,24 +229,29 @@ def describe(
         denoised = cleaned
         if profile.denoise != "none":
             denoised = denoise(cleaned, profile.denoise, profile.iterations)
-        # A filter can flatten a sliver that cleaning let pass: the skeleton is that of the largest part.
-        body, kept = largest_component(denoised)
+        # A filter can flatten a sliver that cleaning let pass: parts are those of what is left.
+        every = parts(denoised)
+        found = _described(every, profile.components, profile.field)
+        body, kept = compacted(denoised.vertices, found.mesh.faces)
     with clock.stage("operator"):
-        body_operator = operator(body, profile.operator)
+        gaps = links(found) if len(found) > 1 else None
+        used = laplacian(body, profile.operator)
+        body_operator = linked(used, body, gaps) if gaps else used
     with clock.stage("eigenpairs"):
         spectrum = eigenpairs(body_operator, _pairs(profile.field, body))
         values = scalar_field(profile.field, body, spectrum)
     with clock.stage("skeleton"):
-        graph = reeb_graph(body, values, profile.bands, profile.levels)
+        graph = reeb_graph(body, values, profile.bands, profile.levels, gaps)
         skeleton = prune(graph, profile.threshold, profile.saliency)
     with clock.stage("features"):
         features = endpoint_features(skeleton, profile.area)
     field = np.full(len(denoised.vertices), np.nan)
     field[kept] = values
+    late = _late_flags(body_operator, spectrum, skeleton, features)
     return Description(
         cleaned=cleaned,
         denoised=denoised,
-        health=health.flagged(*_late_flags(body_operator, spectrum, skeleton, features)),
+        health=health.flagged(*_parts_flags(every, found), *late),
         eigenvalues=spectrum.eigenvalues[:3],
         field=field,
         skeleton=skeleton,
@@ -239,6 +259,25 @@ def describe(
         seconds=clock.seconds,
         profile=profile,
     )
+
+
+def _described(every: Parts, components: str, field: str) -> Parts:
+    """The parts that the skeleton is of."""
+    # Distances along the surface know no way from part to part.
+    if components == "largest" or field.startswith("geodesic_integral"):
+        return every.largest(1)
+    with_area = int((every.areas > LEAST_PART * every.areas.sum()).sum())
+    return every.largest(min(max(with_area, 1), MOST_PARTS))
+
+
+def _parts_flags(every: Parts, found: Parts) -> list[str]:
+    """What became of the parts."""
+    noticed = {
+        "joined_components": len(found) > 1,
+        "largest_component_only": len(found) == 1 < len(every),
+        "small_components_left_out": 1 < len(found) < len(every),
+    }
+    return [flag for flag, is_so in noticed.items() if is_so]
 
 
 def _late_flags(
@@ -263,17 +302,51 @@ def skeleton(
     levels: str = "area",
     threshold: float = 0.01,
     saliency: str = "area",
+    operator: str = "auto",
+    components: str = "joined",
 ) -> Skeleton:
     """The pruned spectral Reeb graph of a mesh as it is (METHOD §3, §4): neither cleaned nor denoised.
 
-    Of several parts, the largest by area is taken: what was read from a file needs ``clean`` first, as the triangles
-    of an STL share no vertices. Raises MeshError for a mesh without area, ParameterError for an unknown field, levels
-    or saliency, or bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage
-    for a non-manifold mesh without robust-laplacian.
+    components: of a surface in several parts "joined" takes all, joined where they are nearest, and "largest" the
+    largest by area. ``skeletons_of_parts`` gives that of each. What was read from a file needs ``clean`` first, as the
+    triangles of an STL share no vertices.
+    Raises MeshError for a mesh without area, ParameterError for an unknown field, levels, saliency or components, or
+    bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage for a non-manifold
+    mesh without robust-laplacian.
     """
-    body, _ = largest_component(mesh)
-    spectrum = eigenpairs(operator(body), _pairs(field, body))
-    return prune(reeb_graph(body, scalar_field(field, body, spectrum), bands, levels), threshold, saliency)
+    if components not in COMPONENTS:
+        raise unknown_name("components", components, COMPONENTS)
+    found = _described(parts(mesh), components, field)
+    body, _ = compacted(mesh.vertices, found.mesh.faces)
+    gaps = links(found) if len(found) > 1 else None
+    used = laplacian(body, operator)
+    values = scalar_field(field, body, eigenpairs(linked(used, body, gaps) if gaps else used, _pairs(field, body)))
+    return prune(reeb_graph(body, values, bands, levels, gaps), threshold, saliency)
+
+
+def skeletons_of_parts(
+    mesh: Mesh,
+    *,
+    field: str = "fiedler",
+    bands: int = 128,
+    levels: str = "area",
+    threshold: float = 0.01,
+    saliency: str = "area",
+    operator: str = "auto",
+    most: int = 100,
+) -> list[Skeleton]:
+    """The skeleton of each part as if it were alone, by decreasing area, at most ``most`` of them.
+
+    Parameters and errors as of ``skeleton``.
+    """
+    found = parts(mesh)
+    return [
+        skeleton(
+            found.part(number)[0], field=field, bands=bands, levels=levels, threshold=threshold, saliency=saliency,
+            operator=operator,
+        )
+        for number in range(min(len(found), most))
+    ]  # fmt: skip
 
 
 def _pairs(field: str, body: Mesh) -> int:

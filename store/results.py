@@ -123,12 +123,12 @@ def skeleton_value(
 ) -> dict[str, Any]:
     """A skeleton as JSON. omega: of the endpoints in their order, (k, 3); none where the paths have no length."""
     nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
-    edges = zip(graph.edges.tolist(), graph.lengths.tolist(), strict=True)
+    edges = zip(graph.edges.tolist(), graph.lengths.tolist(), graph.joins.tolist(), strict=True)
     known = omega is not None and len(omega) == len(graph.endpoints)
     rows = omega.tolist() if omega is not None and known else [None] * len(graph.endpoints)
     return {
         "nodes": [{"position": p, "area": a, "band": b} for p, a, b in nodes],
-        "edges": [{"nodes": pair, "length": length} for pair, length in edges],
+        "edges": [{"nodes": pair, "length": length, "join": join} for pair, length, join in edges],
         "endpoints": [
             {"node": node, "omega": row} for node, row in zip(graph.endpoints.tolist(), rows, strict=True)
         ],

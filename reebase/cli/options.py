@@ -22,6 +22,9 @@ Saliency = Annotated[str, typer.Option(help="What a branch's share is of: area o
 Field = Annotated[str, typer.Option(help="fiedler, eigenfunction:K, auto_diffusion:T, geodesic_integral or height.")]
 Area = Annotated[str, typer.Option(help="Node area: band or ring.")]
 Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, cotangent or tufted.")]
+Components = Annotated[
+    str, typer.Option(help="Of a shape in several parts: joined, the skeleton of all, or largest, of the largest part.")
+]
 Labels = Annotated[
     Path | None,
     typer.Option(

@@ -9,8 +9,12 @@ import typer
 
 from reebase.cli import options
 from reebase.cli.output import STDOUT, check_picture, check_target, print_table, results, shown, write_bytes, write_json
-from reebase.pipeline import Description, Profile, describe
+from reebase.pipeline import Description, Profile, describe, skeletons_of_parts
+from reebase.skeleton import Skeleton
 from reebase.words import counted
+
+SHOWN = 12
+"""Parts whose endpoints are counted on the terminal; in JSON are all that have a skeleton."""
 
 
 def skeleton(
@@ -26,35 +30,55 @@ def skeleton(
     field: options.Field = options.DEFAULT.field,
     area: options.Area = options.DEFAULT.area,
     operator: options.Operator = options.DEFAULT.operator,
+    components: options.Components = options.DEFAULT.components,
 ) -> None:
-    """Skeleton and endpoint features of one mesh.
+    """Skeleton and endpoint features of one mesh; of a mesh in several parts also the skeleton of each (in JSON).
 
     Exit code 0: described. 2: the mesh or an option was refused.
     """
-    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator)
+    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components)
     check_target(json_out)
     kind = check_picture(picture)
     found = describe(mesh, profile)
+    parts = _parts(found)
     if json_out is not None:
-        write_json(json_out, _to_json(found))
+        write_json(json_out, _to_json(found, parts))
     if picture is not None:
         from reebase.pictures import picture as draw
 
         write_bytes(picture, draw(found.denoised, found.skeleton, size=1024, format=kind, title=shown(mesh.name)))
     if json_out != STDOUT:
-        _print(found, shown(mesh.name))
+        _print(found, parts, shown(mesh.name))
 
 
-def _to_json(found: Description) -> dict[str, object]:
-    graph = found.skeleton
+def _graph(graph: Skeleton) -> dict[str, object]:
     return {
         "nodes": graph.positions.tolist(),
         "areas": graph.areas.tolist(),
         "bands": graph.bands.tolist(),
         "edges": graph.edges.tolist(),
+        "joins": graph.joins.tolist(),
         "lengths": graph.lengths.tolist(),
         "endpoints": graph.endpoints.tolist(),
         "root": graph.root,
+    }
+
+
+def _parts(found: Description) -> list[Skeleton]:
+    """Of a shape in several parts the skeleton of each by itself."""
+    if "several_components" not in found.health.flags:
+        return []
+    profile = found.profile
+    return skeletons_of_parts(
+        found.denoised, field=profile.field, bands=profile.bands, levels=profile.levels, threshold=profile.threshold,
+        saliency=profile.saliency, operator=profile.operator,
+    )  # fmt: skip
+
+
+def _to_json(found: Description, parts: list[Skeleton]) -> dict[str, object]:
+    return {
+        **_graph(found.skeleton),
+        "parts": [_graph(part) for part in parts],
         "features": found.features.tolist(),
         "eigenvalues": found.eigenvalues.tolist(),
         "health": found.health.to_json(),
@@ -62,7 +86,7 @@ def _to_json(found: Description) -> dict[str, object]:
     }
 
 
-def _print(found: Description, name: str) -> None:
+def _print(found: Description, parts: list[Skeleton], name: str) -> None:
     out = results()
     health = found.health
     out.print(
@@ -74,6 +98,10 @@ def _print(found: Description, name: str) -> None:
             out.print(f"  repaired: {what.replace('_', ' ')}: {count}")
     for explanation in health.to_json()["explanations"].values():
         out.print(f"  note: {explanation}")
+    if parts:
+        ends = ", ".join(str(len(part.endpoints)) for part in parts[:SHOWN]) + (", …" if len(parts) > SHOWN else "")
+        apart = counted(int(found.skeleton.joins.sum()), "edge")
+        out.print(f"  parts: {health.components}; endpoints of each by itself: {ends}; {apart} across gaps")
     rows = []
     for row, node in enumerate(found.skeleton.endpoints):
         # Where all paths are of length zero there are endpoints without features.

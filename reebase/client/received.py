@@ -158,6 +158,7 @@ def skeleton_of(found: Mapping[str, Any]) -> Skeleton:
         lengths=np.array([edge["length"] for edge in edges], dtype=np.float64),
         endpoints=np.array([endpoint["node"] for endpoint in found["endpoints"]], dtype=np.int32),
         root=found["root"],
+        joins=np.array([edge.get("join", False) for edge in edges], dtype=bool),
     )
 
 

@@ -16,7 +16,7 @@ from reebase.errors import NoFaces
 from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
 
-__all__ = ["Edges", "Rings", "edges", "largest_component", "rings"]
+__all__ = ["Edges", "Rings", "compacted", "edges", "largest_component", "rings"]
 
 IntArray = npt.NDArray[np.int32]
 
@@ -225,11 +225,16 @@ def largest_component(mesh: Mesh) -> tuple[Mesh, IntArray]:
     else:
         share = np.bincount(labels, weights=face_areas(mesh), minlength=count)
         chosen = mesh.faces[labels == int(share.argmax())]
-    used = np.zeros(len(mesh.vertices), dtype=bool)
-    used[chosen.ravel()] = True
+    return compacted(mesh.vertices, chosen)
+
+
+def compacted(vertices: npt.NDArray[np.float64], faces: IntArray) -> tuple[Mesh, IntArray]:
+    """The mesh of these faces alone, and the index of each of its vertices among those given, int32, ascending."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces.ravel()] = True
     kept = np.flatnonzero(used).astype(np.int32)
     rank = np.cumsum(used, dtype=np.int32) - np.int32(1)
-    return Mesh(mesh.vertices[kept], rank[chosen]), kept
+    return Mesh(vertices[kept], rank[faces]), kept
 
 
 def following(sides: IntArray) -> IntArray:

@@ -82,7 +82,7 @@ def paint_skeleton(
     axes: Any, mesh: Mesh, skeleton: Skeleton, size: int, view: View | str | None,
     marks: Sequence[Mark] | None,
 ) -> None:  # fmt: skip
-    """Edges as lines, nodes as dots, the root as a white square, each endpoint as a disc with its number.
+    """Edges as lines, dotted across gaps; nodes as dots, the root a white square, each endpoint a disc with its number.
 
     A disc that would hide another is moved aside, with a line to its endpoint.
     """
@@ -92,7 +92,8 @@ def paint_skeleton(
     seen = placed(mesh, skeleton.positions, size, view_of(mesh, view))[:, :2]
     lines = list(seen[skeleton.edges])
     axes.add_collection(LineCollection(lines, colors="white", linewidths=3.0 * scale, zorder=2, alpha=0.8))
-    axes.add_collection(LineCollection(lines, colors=_INK, linewidths=1.5 * scale, zorder=3))
+    styles = ["dotted" if join else "solid" for join in skeleton.joins]
+    axes.add_collection(LineCollection(lines, colors=_INK, linewidths=1.5 * scale, linestyles=styles, zorder=3))
     axes.scatter(seen[:, 0], seen[:, 1], s=(2.4 * scale) ** 2, c=_INK, linewidths=0, zorder=4)
     root = seen[skeleton.root]
     axes.scatter(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import numpy.typing as npt
 __all__ = ["Skeleton"]
 
 
-_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints")
+_ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints", "joins")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +27,7 @@ class Skeleton:
     endpoints: nodes of degree 1, int32, (k,), by decreasing area, ties by decreasing length of their edge,
         then by index.
     root: the node nearest the mesh's area centroid.
+    joins: whether an edge is no level curve, but says that two parts of the surface are near, bool, (E,).
     """
 
     positions: npt.NDArray[np.float64]
@@ -37,6 +38,11 @@ class Skeleton:
     lengths: npt.NDArray[np.float64]
     endpoints: npt.NDArray[np.int32]
     root: int
+    joins: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+
+    def __post_init__(self) -> None:
+        if len(self.joins) == 0:
+            object.__setattr__(self, "joins", np.zeros(len(self.edges), bool))
 
     @classmethod
     def assembled(
@@ -47,6 +53,7 @@ class Skeleton:
         bands: npt.NDArray[np.int32],
         edges: npt.NDArray[np.int32],
         root: int,
+        joins: npt.NDArray[np.bool_] | None = None,
     ) -> Skeleton:
         """The skeleton of these nodes and edges; lengths and endpoints follow from them."""
         edges = edges.reshape(-1, 2)
@@ -55,7 +62,9 @@ class Skeleton:
         reach = np.zeros(len(positions))  # of an endpoint: the length of its only edge
         np.add.at(reach, edges.ravel(), np.repeat(lengths, 2))
         endpoints = ends[np.lexsort((ends, -reach[ends], -areas[ends]))].astype(np.int32)
-        return cls(positions, areas, ring_areas, bands, edges, lengths, endpoints, root)
+        if joins is None:
+            joins = np.zeros(len(edges), bool)
+        return cls(positions, areas, ring_areas, bands, edges, lengths, endpoints, root, joins)
 
     def to_bytes(self) -> bytes:
         """The arrays as one ``.npz`` archive."""
@@ -68,7 +77,8 @@ class Skeleton:
     def from_bytes(cls, stored: bytes) -> Skeleton:
         """The inverse of ``to_bytes``; nothing is unpickled."""
         with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-            return cls(**{name: arrays[name] for name in _ARRAYS}, root=int(arrays["root"]))
+            # Skeletons of before parts were joined have none.
+            return cls(**{name: arrays[name] for name in _ARRAYS if name in arrays}, root=int(arrays["root"]))
 
     @property
     def centroid(self) -> npt.NDArray[np.float64]:

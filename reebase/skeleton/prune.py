@@ -130,12 +130,12 @@ def _without(
         return skeleton
     kept = np.flatnonzero(~removed)
     rank = np.cumsum(~removed, dtype=np.int32) - 1
-    edges = skeleton.edges[~removed[skeleton.edges].any(axis=1)]
+    stay = ~removed[skeleton.edges].any(axis=1)
     root = skeleton.root
     if removed[root]:
         distance = np.linalg.norm(skeleton.positions[kept] - skeleton.centroid, axis=1)
         root = int(kept[np.argmin(distance)])
     return Skeleton.assembled(
         skeleton.positions[kept], areas[kept], skeleton.ring_areas[kept], skeleton.bands[kept],
-        rank[edges].astype(np.int32), int(rank[root]),
+        rank[skeleton.edges[stay]].astype(np.int32), int(rank[root]), skeleton.joins[stay],
     )  # fmt: skip

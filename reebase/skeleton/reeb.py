@@ -19,6 +19,7 @@ import numpy.typing as npt
 from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError, unknown_name
 from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
+from reebase.mesh.parts import Links
 from reebase.skeleton.graph import Skeleton
 from reebase.skeleton.levels import LEVELS, by_area
 
@@ -36,7 +37,9 @@ CONSTANT = 1e-12
 Array = npt.NDArray[np.float64]
 
 
-def reeb_graph(mesh: Mesh, values: Array, bands: int = 64, levels: str = "width") -> Skeleton:
+def reeb_graph(
+    mesh: Mesh, values: Array, bands: int = 64, levels: str = "width", links: Links | None = None
+) -> Skeleton:
     """The Reeb graph of a scalar field on a connected surface, in bands from its minimum to its maximum (METHOD §4).
 
     values: the field at the vertices, (m,), linear on faces. bands: N, 2 to ``MAX_BANDS``. levels: "width" for bands of
@@ -45,6 +48,9 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64, levels: str = "width"
     that share a stretch of level curve. Node areas sum to area(M); ``cycles`` is the genus of a closed
     surface once the bands resolve its handles. Nodes are numbered by band, then by decreasing area. A
     constant field gives a single node.
+    links: of a surface in several parts, the places where these are joined. Where two parts touch, their pieces in a
+    band are one component, as if the surface went on there. Parts that this does not connect are connected by edges,
+    their ``joins``, the links between the nearest bands first, ties by their gaps.
 
     ``ring_areas`` are those of the extremal vertex of each component, the one that is furthest from its
     neighbours: the lowest where all neighbours are above, the highest where all are below, else the one with
@@ -59,7 +65,7 @@ def reeb_graph(mesh: Mesh, values: Array, bands: int = 64, levels: str = "width"
     values = _checked(mesh, values, bands)
     if levels == "area" and not _is_constant(values) and face_areas(mesh).sum() > MIN_AREA:
         values = by_area(mesh, values)
-    return _cut(mesh, values, bands)[0]
+    return _cut(mesh, values, bands, links)[0]
 
 
 def reeb_nodes(mesh: Mesh, values: Array, bands: int = 64) -> tuple[Skeleton, npt.NDArray[np.int32]]:
@@ -102,7 +108,7 @@ def _checked(mesh: Mesh, values: Array, bands: int) -> Array:
     return values
 
 
-def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
+def _cut(mesh: Mesh, values: Array, bands: int, links: Links | None = None) -> tuple[Skeleton, _Pieces]:
     from reebase.skeleton import reeb_kernels as kernels
 
     u = _in_bands(values, bands)
@@ -114,19 +120,22 @@ def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
             pieces=int(offset[-1]), maximum=MAX_PIECES,
         )  # fmt: skip
     pairs, ends, parts = kernels.adjacent_faces(u, mesh.faces, first, offset)
-    if parts > 1:
+    if parts > 1 and links is None:
         raise MeshError(
             f"The surface is in {parts} separate parts; a Reeb graph is of one: take the largest component.",
             components=parts,
         )
     component, band, adjacent = kernels.join_pieces(u, bands, first, offset, pairs, ends)
+    across = np.empty((0, 2), np.int64)
+    if parts > 1 and links is not None:
+        ends_of_links = component[_pieces_at(mesh, links, u, first, offset)]
+        component, band, adjacent, across = _joined(component, band, adjacent, ends_of_links, links)
     areas, centroids, rings = kernels.measure_components(
         mesh.vertices, mesh.faces, u, first, offset, component, len(band)
     )
     if not areas.sum() > MIN_AREA:
         raise DegenerateMesh("The surface has no area, so its Reeb graph has no nodes.")
-    edges = np.unique(adjacent @ (len(band), 1))
-    edges = np.stack(np.divmod(edges, len(band)), axis=1)
+    edges, is_join = _unique_edges(adjacent, across, len(band))
     extremes, extreme_rings = kernels.extreme_rings(
         mesh.faces, u, first, offset, component, rings, len(band)
     )
@@ -137,11 +146,56 @@ def _cut(mesh: Mesh, values: Array, bands: int) -> tuple[Skeleton, _Pieces]:
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order), dtype=np.int32)
     edges = np.sort(rank[edges], axis=1)
-    edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
+    by_nodes = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, is_join = edges[by_nodes], is_join[by_nodes]
     centre = areas @ centroids / areas.sum()
     root = int(np.argmin(np.linalg.norm(centroids[order] - centre, axis=1)))
-    graph = Skeleton.assembled(centroids[order], areas[order], ring_areas[order], band[order], edges, root)
+    graph = Skeleton.assembled(
+        centroids[order], areas[order], ring_areas[order], band[order], edges.astype(np.int32), root, is_join
+    )
     return graph, _Pieces(u, first, offset, rank[component])
+
+
+def _pieces_at(
+    mesh: Mesh, links: Links, u: Array, first: npt.NDArray[np.int32], offset: npt.NDArray[np.int64]
+) -> npt.NDArray[np.int64]:
+    """The pieces that hold the two points of each link, (l, 2)."""
+    at = np.einsum("lsi,lsi->ls", links.weights, u[mesh.faces[links.faces]])
+    last = np.diff(offset)[links.faces] - 1
+    return np.asarray(offset[links.faces] + np.clip(np.floor(at).astype(np.int64) - first[links.faces], 0, last))
+
+
+def _joined(
+    component: npt.NDArray[np.int64], band: npt.NDArray[np.int32], adjacent: npt.NDArray[np.int64],
+    ends: npt.NDArray[np.int64], links: Links,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:  # fmt: skip
+    """Components, their bands and neighbours when parts are joined at links, whose components are ``ends``, (l, 2);
+    and the edges that connect what is still apart."""
+    from reebase.mesh.topology_kernels import label
+
+    steps = np.abs(band[ends[:, 0]] - band[ends[:, 1]])
+    same = ends[(steps == 0) & links.touch].astype(np.int32)
+    count, merged = label(same[:, 0], same[:, 1], len(band))
+    band_of = np.empty(count, np.int32)
+    band_of[merged] = band
+    adjacent, ends = merged[adjacent].astype(np.int64), merged[ends].astype(np.int64)
+    of_graph = label(adjacent[:, 0].astype(np.int32), adjacent[:, 1].astype(np.int32), count)[1]
+    needed = []
+    for link in np.lexsort((links.gaps, steps)):
+        a, b = of_graph[ends[link]]
+        if a != b:
+            of_graph[of_graph == b] = a
+            needed.append(ends[link])
+    return merged[component].astype(np.int64), band_of, adjacent, np.array(needed, np.int64).reshape(-1, 2)
+
+
+def _unique_edges(
+    adjacent: npt.NDArray[np.int64], across: npt.NDArray[np.int64], count: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Every edge once, (E, 2), and whether it is one of those across a gap."""
+    keys = np.unique(adjacent @ (count, 1))
+    every = np.concatenate([keys, across @ (count, 1)])
+    return np.stack(np.divmod(every, count), axis=1), np.arange(len(every)) >= len(keys)
 
 
 def _below(faces: npt.NDArray[np.int32], pieces: _Pieces) -> npt.NDArray[np.int32]:

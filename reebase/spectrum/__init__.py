@@ -6,9 +6,9 @@ the Reeb graph is taken of, by name.
 
 from reebase.spectrum.eigen import NEAR_DEGENERATE, Spectrum, eigenpairs
 from reebase.spectrum.fields import FIELDS, Field, eigenpairs_needed, field
-from reebase.spectrum.operator import KINDS, Operator, mixed_voronoi, operator, stiffness
+from reebase.spectrum.operator import KINDS, Operator, linked, mixed_voronoi, operator, stiffness
 
 __all__ = [
     "FIELDS", "KINDS", "NEAR_DEGENERATE", "Field", "Operator", "Spectrum", "eigenpairs", "eigenpairs_needed",
-    "field", "mixed_voronoi", "operator", "stiffness",
+    "field", "linked", "mixed_voronoi", "operator", "stiffness",
 ]  # fmt: skip

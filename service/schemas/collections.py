@@ -38,7 +38,13 @@ class ProfileBody(Body):
     area: Text = Field(_DEFAULT.area, description="Reading of the relative node area: `band` or `ring`.")
     operator: Text = Field(_DEFAULT.operator, description="`cotangent`, `tufted`, or `auto`: tufted where it must be.")
 
-    @field_validator("denoise", "field", "levels", "saliency", "area", "operator")
+    components: Text = Field(
+        _DEFAULT.components,
+        description="The skeleton of a shape in several parts: of all, `joined` where they are nearest, or of the "
+        "`largest` alone.",
+    )
+
+    @field_validator("denoise", "field", "levels", "saliency", "area", "operator", "components")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
         """Refuse here what the pipeline would."""

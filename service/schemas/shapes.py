@@ -91,10 +91,11 @@ class Node(Value):
 
 
 class Edge(Value):
-    """Two nodes that share a stretch of level curve, by index."""
+    """Two nodes that share a stretch of level curve, by index; or, where `join`, that lie on either side of a gap."""
 
     nodes: Annotated[list[int], Field(min_length=2, max_length=2)]
     length: float
+    join: bool = Field(description="Whether the edge leads across a gap between two parts of the surface.")
 
 
 class Endpoint(Value):
@@ -107,7 +108,7 @@ class Endpoint(Value):
 
 
 class SkeletonValue(Value):
-    """The pruned spectral Reeb graph of the denoised mesh's largest component."""
+    """The pruned spectral Reeb graph of the denoised mesh: of all its parts, joined, or of the largest alone."""
 
     shape: str | None = Field(description="Null for the mesh of a query.")
     profile_key: str
@@ -121,7 +122,7 @@ class SkeletonValue(Value):
 
 
 class FieldValue(Value):
-    """The scalar field at each vertex of the denoised mesh; null off the largest component."""
+    """The scalar field at each vertex of the denoised mesh; null off the parts that the skeleton is of."""
 
     shape: str
     profile_key: str

@@ -62,13 +62,13 @@ def test_areas_and_field_belong_to_the_denoised_mesh() -> None:
     assert np.isfinite(found.field).all() and len(found.field) == len(found.denoised.vertices)
 
 
-def test_of_several_parts_the_largest_is_described() -> None:
+def test_of_several_parts_the_largest_is_described_where_that_is_chosen() -> None:
     big, small = sample(), icosphere(2)
     both = Mesh(
         np.vstack([small.vertices * 0.3 + 20, big.vertices]), np.vstack([small.faces, big.faces + len(small.vertices)])
     )
-    found = describe(both, PLAIN)
-    assert "several_components" in found.health.flags
+    found = describe(both, replace(PLAIN, components="largest"))
+    assert {"several_components", "largest_component_only"} <= set(found.health.flags)
     assert np.isnan(found.field[: len(small.vertices)]).all()
     assert np.isfinite(found.field[len(small.vertices) :]).all()
     assert dissimilarity(found.features, describe(big, PLAIN).features) < 1e-9
@@ -122,6 +122,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
     changes = {
         "denoise": "none", "iterations": 2, "field": "height", "bands": 16, "levels": "width",
         "saliency": "length", "threshold": 0.02, "area": "ring", "operator": "tufted",
+        "components": "largest",
     }  # fmt: skip
     assert set(changes) == set(Profile().to_json())
     keys = {replace(Profile(), **{name: value}).key for name, value in changes.items()} | {Profile().key}
@@ -138,6 +139,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
         ({"saliency": "beauty"}, UnknownName),
         ({"area": "acre"}, UnknownName),
         ({"operator": "crane"}, UnknownName),
+        ({"components": "most"}, UnknownName),
         ({"bands": 1}, ParameterError),
         ({"bands": 10**9}, ParameterError),
         ({"bands": 64.5}, ParameterError),
