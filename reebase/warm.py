@@ -69,6 +69,8 @@ def warm(progress: Callable[[str, float], None] | None = None) -> None:
     for data in (to_bytes(sample(), "obj"), to_bytes(sample(), "off"), FACET):
         read(data)
     features = describe(sample(), progress=progress).features
+    apart = sample()
+    describe(Mesh(np.vstack([apart.vertices, apart.vertices + 9]), np.vstack([apart.faces, apart.faces + 1538])))
     for number, method in enumerate(METHODS):
         if progress is not None:
             progress(f"filter {method}", number / len(METHODS))

@@ -29,7 +29,8 @@ before = compiled()
 assert before
 whole = sample()
 torn = np.vstack([whole.faces[:-50], [[0, 1, 700]], whole.faces[:3]])
-for source in (whole, to_bytes(whole, "stl"), reebase.Mesh(whole.vertices, torn)):
+parts = reebase.Mesh(np.vstack([whole.vertices, whole.vertices + 3]), np.vstack([whole.faces, whole.faces + 1538]))
+for source in (whole, to_bytes(whole, "stl"), reebase.Mesh(whole.vertices, torn), parts):
     graph = reebase.describe(source).skeleton
 reebase.describe(whole, reebase.Profile(field="height", saliency="length", area="ring"))
 reebase.match(graph, reebase.skeleton(whole))
