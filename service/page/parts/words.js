@@ -11,7 +11,8 @@ const STATES = {
 };
 
 const FLAGS = {
-  several_components: "several parts", open_surface: "open surface", non_manifold: "non-manifold edges",
+  several_components: "several parts", joined_components: "parts joined", largest_component_only: "largest part only",
+  small_components_left_out: "smallest parts left out", open_surface: "open surface", non_manifold: "non-manifold edges",
   near_degenerate_eigenvalues: "nearly symmetric", no_endpoints: "no endpoints", single_node: "no skeleton",
   no_path_lengths: "no path lengths", tufted_operator: "tufted operator",
 };
