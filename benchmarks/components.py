@@ -117,7 +117,8 @@ def synthetic(count: int, vertices: int) -> None:
     D = np.array([[dissimilarity(a.features, b.features) for a in wholes] for b in wholes])
     own = np.array([[a == b for a in labels] for b in labels])
     apart = ~np.eye(len(labels), dtype=bool)
-    print(f"{len(labels)} wholes: median D {np.median(D[own & apart]):.3f} within a class, {np.median(D[~own]):.3f} else")
+    within, between = np.median(D[own & apart]), np.median(D[~own])
+    print(f"{len(labels)} wholes: median D {within:.3f} within a class, {between:.3f} else")
     for (state, components), found in states.items():
         E = np.array([[dissimilarity(one.features, whole.features) for whole in wholes] for one in found])
         same = np.mean([len(a.features) == len(b.features) for a, b in zip(found, wholes, strict=True)])

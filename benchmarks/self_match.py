@@ -72,7 +72,7 @@ def main() -> None:
             known = {id: one for id, one in found.items() if one is not None}
             originals.append(known)
             galleries.append({
-                which: Gallery(one).changed({id: {part: kept[part] for part in one.parts} for id, kept in known.items()})
+                which: Gallery(one).changed({id: {part: own[part] for part in one.parts} for id, own in known.items()})
                 for which, one in rankings.items()
             })  # fmt: skip
         both = [id for id in originals[0] if all(id in one for one in originals)]
@@ -91,11 +91,12 @@ def main() -> None:
                     rank, first = looked_up(gallery, described[profile], id, originals[profile])
                     ranks[column].append(rank)
                     if rank > 0:
-                        missed.append((columns[column], names[int(id)], rank, names[int(first)] if first else "refused"))
+                        before = names[int(first)] if first else "refused"
+                        missed.append((columns[column], names[int(id)], rank, before))
             shares = [np.mean(np.array(column) == 0) for column in ranks]
             print(f"{disturbance:10s}", *(f"{share:24.3f}" for share in shares), flush=True)
-            for column, one, rank, first in missed if options.missed else []:
-                print(f"    {column}: {one} at {rank + 1} after {first}", flush=True)
+            for column, one, rank, before in missed if options.missed else []:
+                print(f"    {column}: {one} at {rank + 1} after {before}", flush=True)
 
 
 def looked_up(gallery: Gallery, query: Kept | None, id: str, originals: Mapping[str, Kept]) -> tuple[int, str]:

@@ -1,7 +1,9 @@
-"""Kernels of ``links``: the nearest points of other parts, and the minimum spanning tree of labelled points, those of one label joined beforehand.
+"""Kernels of ``links``: the nearest points of other parts, and the minimum spanning tree of all parts.
+
+Points carry the number of their part, and those of one part are joined beforehand.
 
 Boruvka's rounds on a k-d tree: in each round every cluster finds its nearest point of another cluster, and all these
-pairs are joined. A box of the tree whose points all lie in one cluster is passed over by that cluster (March, Ram, Gray,
+pairs are joined. A box whose points all lie in one cluster is passed over by that cluster (March, Ram, Gray,
 "Fast Euclidean Minimum Spanning Tree", KDD 2010, without the second tree).
 """
 
