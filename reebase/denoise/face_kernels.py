@@ -12,8 +12,8 @@ from reebase.denoise.exponential_kernels import FAST, exponentials
 from reebase.denoise.ring_kernels import CROWD
 
 __all__ = [
-    "around_faces", "bilateral_normals", "bilateral_weights", "face_geometry", "follow_normals",
-    "mean_distance_across", "mean_normals", "median_normals", "normals_above",
+    "around_faces", "bilateral_normals", "bilateral_weights", "face_geometry", "follow_normals", "followed_moves",
+    "mean_distance_across", "mean_normals", "median_normals", "normals_above", "sides_in_pairs",
 ]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
@@ -74,6 +74,47 @@ def around_faces(faces: IntArray, corner_starts: IntArray, corners: IntArray) ->
         starts[t + 1] = position
     rows = rows[:position].copy()
     return starts, rows
+
+
+@FAST
+def sides_in_pairs(faces: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """The two sides 3f + k along each edge that has two, of faces on ``count`` vertices: two arrays, by lower end."""
+    starts = np.zeros(count + 1, dtype=np.int32)
+    for f in range(len(faces)):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        starts[min(a, b) + np.uint32(1)] += 1
+        starts[min(b, c) + np.uint32(1)] += 1
+        starts[min(c, a) + np.uint32(1)] += 1
+    for v in range(count):
+        starts[v + 1] += starts[v]
+    sides, ends, cursor = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32), starts[:-1].copy()
+    for f in range(len(faces)):
+        for k in range(3):
+            a, b = np.uint32(faces[f, k]), np.uint32(faces[f, k + 1 if k < 2 else 0])
+            low = min(a, b)
+            place = np.uint32(cursor[low])
+            sides[place], ends[place] = 3 * f + k, max(a, b)
+            cursor[low] += 1
+    # Of each upper end, the edge to it from the lower end that is looked at; of each edge, how many sides it has.
+    edge, have = np.full(count, -1, dtype=np.int32), np.zeros(3 * len(faces), dtype=np.int32)
+    first, second = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
+    met, begin = 0, 0
+    for v in range(count):
+        for place in range(np.uint32(starts[v]), np.uint32(starts[v + 1])):
+            end = np.uint32(ends[place])
+            if edge[end] < begin:
+                edge[end] = met
+                first[met] = sides[place]
+                met += 1
+            else:
+                second[np.uint32(edge[end])] = sides[place]
+            have[np.uint32(edge[end])] += 1
+        begin = met
+    pairs = 0
+    for one in range(met):
+        first[pairs], second[pairs] = first[one], second[one]
+        pairs += have[one] == 2
+    return first[:pairs].copy(), second[:pairs].copy()
 
 
 @FAST
@@ -173,6 +214,41 @@ def follow_normals(
             result[vertex, 1] /= totals[vertex]
             result[vertex, 2] /= totals[vertex]
     return result
+
+
+@FAST
+def followed_moves(positions: FloatArray, faces: IntArray, normals: FloatArray, moves: int) -> FloatArray:
+    """Positions after so many moves of ``follow_normals``, evenly, (m, 3)."""
+    here, sums, shares = positions.copy(), np.empty_like(positions), np.zeros(len(positions))
+    for t in range(len(faces)):
+        for corner in range(3):
+            shares[np.uint32(faces[t, corner])] += 1.0
+    for i in range(len(positions)):
+        shares[i] = 1.0 / shares[i] if shares[i] > 0.0 else 0.0
+    for _ in range(moves):
+        sums[:] = 0.0
+        for t in range(len(faces)):
+            i, j, k = np.uint32(faces[t, 0]), np.uint32(faces[t, 1]), np.uint32(faces[t, 2])
+            x, y, z = here[i, 0], here[i, 1], here[i, 2]
+            mx, my, mz = normals[t, 0], normals[t, 1], normals[t, 2]
+            u = (here[j, 0] - x) * mx + (here[j, 1] - y) * my + (here[j, 2] - z) * mz
+            v = (here[k, 0] - x) * mx + (here[k, 1] - y) * my + (here[k, 2] - z) * mz
+            third = (u + v) * (1.0 / 3.0)
+            sums[i, 0] += third * mx
+            sums[i, 1] += third * my
+            sums[i, 2] += third * mz
+            u, v = third - u, third - v
+            sums[j, 0] += u * mx
+            sums[j, 1] += u * my
+            sums[j, 2] += u * mz
+            sums[k, 0] += v * mx
+            sums[k, 1] += v * my
+            sums[k, 2] += v * mz
+        for i in range(len(positions)):
+            here[i, 0] += shares[i] * sums[i, 0]
+            here[i, 1] += shares[i] * sums[i, 1]
+            here[i, 2] += shares[i] * sums[i, 2]
+    return here
 
 
 @FAST

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise.filter import FloatArray, Number, Surface
-from reebase.mesh.topology import edges
 
 __all__ = [
     "VERTEX_ITERATIONS", "centroid_distance", "faces_across", "faces_around", "followed", "later_beside",
@@ -34,8 +33,10 @@ def faces_around(surface: Surface) -> tuple[IntArray, IntArray]:
 
 def sides_across(surface: Surface) -> tuple[IntArray, IntArray]:
     """The two sides along each edge that has two: two arrays of sides 3f + k."""
+    from reebase.denoise.face_kernels import sides_in_pairs
+
     if "across" not in surface.known:
-        surface.known["across"] = edges(surface.faces).pairs
+        surface.known["across"] = sides_in_pairs(surface.faces, len(surface.positions))
     first, second = surface.known["across"]
     return first, second
 
@@ -66,8 +67,10 @@ def followed(surface: Surface, positions: FloatArray, normals: FloatArray, moves
 
     normals: m_t, (n, 3). Sun et al. 2007, (10): gradient descent on how far the edges are from lying in the planes.
     """
-    from reebase.denoise.face_kernels import follow_normals
+    from reebase.denoise.face_kernels import follow_normals, followed_moves
 
+    if not surface.held:
+        return followed_moves(positions, surface.faces, normals, moves)
     for _ in range(moves):
         positions = positions + surface.hold(positions, follow_normals(positions, surface.faces, normals, False))
     return positions

@@ -39,17 +39,19 @@ __all__ = ["GUIDED_NORMAL"]
 def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     """One round of passes on this surface."""
     from reebase.denoise.face_kernels import bilateral_normals, face_geometry
-    from reebase.denoise.guided_normal_kernels import guiding_normals
+    from reebase.denoise.guided_normal_kernels import guiding_normals, within_patches
 
     starts, rows = faces_around(surface)
     across = faces_across(surface)
     beside = later_beside(surface)
+    if "patches" not in surface.known:
+        surface.known["patches"] = within_patches(starts, rows, beside)
 
     def step(positions: FloatArray) -> FloatArray:
         begin = positions
         for _ in range(parameters["normal_iterations"]):
             normals, areas, centroids = face_geometry(positions, surface.faces)
-            guides = guiding_normals(normals, areas, starts, rows, beside)
+            guides = guiding_normals(normals, areas, starts, rows, beside, *surface.known["patches"])
             sigma_c = parameters["reach"] * centroid_distance(centroids, across)
             normals = bilateral_normals(
                 normals, guides, areas, centroids, starts, rows, sigma_c, parameters["sigma_s"]

@@ -10,7 +10,7 @@ from numba import njit
 
 from reebase.denoise.exponential_kernels import FAST
 
-__all__ = ["guiding_normals"]
+__all__ = ["guiding_normals", "within_patches"]
 
 IntArray = npt.NDArray[np.int32]
 FloatArray = npt.NDArray[np.float64]
@@ -19,59 +19,110 @@ LEAST_SUM = 1e-9
 """Added to the sum of differences across edges, which is 0 on a plane."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
-def widest_chord(x: FloatArray, y: FloatArray, z: FloatArray, count: int) -> float:
-    """The largest |n_s - n_r|^2 of the first ``count`` vectors."""
-    widest = 0.0
-    for one in range(count):
-        a, b, c = x[one], y[one], z[one]
-        for other in range(one + 1, count):
-            u, v, w = x[other] - a, y[other] - b, z[other] - c
-            widest = max(widest, u * u + v * v + w * w)
-    return widest
+BLOCK = 64
+"""Patches of as many faces are worked on so many at a time, a patch a column: loops over columns become vectors."""
 
 
 @FAST
-def guiding_normals(
-    normals: FloatArray, areas: FloatArray, starts: IntArray, rows: IntArray, beside: IntArray
-) -> FloatArray:
-    """g of each face, (n, 3): the mean normal of the patch with the least H that holds it.
+def within_patches(starts: IntArray, rows: IntArray, beside: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Faces by the size of their patch, (n,); and the sides 3s + k of each patch across which another face of it comes
+    later, in compressed rows.
 
-    rows: the faces round each face. beside: across each side the other one if it comes later, else
-    the face itself, (n, 3).
+    starts, rows, beside: as for ``guiding_normals``.
     """
-    count = len(normals)
-    means, unevenness = np.zeros((count, 3)), np.empty(count)
-    differences = chords_across(normals, beside)
-    mark = np.full(count, -1, dtype=np.int32)
+    count = len(starts) - 1
     longest = 0
     for t in range(count):
         longest = max(longest, starts[t + 1] - starts[t])
-    xs, ys, zs = np.empty(longest + 1), np.empty(longest + 1), np.empty(longest + 1)
+    ends = np.zeros(longest + 2, dtype=np.int64)
+    for t in range(count):
+        ends[starts[t + 1] - starts[t] + 1] += 1
+    for size in range(longest + 1):
+        ends[size + 1] += ends[size]
+    order = np.empty(count, dtype=np.int32)
+    for t in range(count):
+        size = starts[t + 1] - starts[t]
+        order[ends[size]] = t
+        ends[size] += 1
+    mark = np.full(count, -1, dtype=np.int32)
+    side_starts, sides = np.zeros(count + 1, dtype=np.int32), np.empty(3 * (len(rows) + count), dtype=np.int32)
+    filled = np.uint32(0)
     for t in range(count):
         begin, end = np.uint32(starts[t]), np.uint32(starts[t + 1])
         mark[t] = t
         for k in range(begin, end):
             mark[np.uint32(rows[k])] = t
-        size = starts[t + 1] - starts[t] + 1
-        steepest, total = 0.0, 0.0
-        x, y, z = 0.0, 0.0, 0.0
-        for place in range(size):
-            s = np.uint32(rows[begin + place]) if place < size - 1 else np.uint32(t)
-            nx, ny, nz = normals[s, 0], normals[s, 1], normals[s, 2]
-            xs[place], ys[place], zs[place] = nx, ny, nz
-            x += areas[s] * nx
-            y += areas[s] * ny
-            z += areas[s] * nz
+        for k in range(begin, end + 1):
+            s = np.uint32(rows[k]) if k < end else np.uint32(t)
             for side in range(3):
-                # No branch: whether the other face is in the patch is as good as random.
-                phi = differences[s, side] * (mark[np.uint32(beside[s, side])] == t)
+                # Written either way, and kept if the other face is in the patch: that is as good as random.
+                other = np.uint32(beside[s, side])
+                sides[filled] = 3 * s + side
+                filled += np.uint32((mark[other] == t) & (other != s))
+        side_starts[t + 1] = filled
+    return order, side_starts, sides[:filled].copy()
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nnan", "nsz"})
+def widest_chords(members: FloatArray, size: int, filled: int, widest: FloatArray) -> None:
+    """The largest |n_s - n_r|^2 in each of the first ``filled`` columns of members, (3, slots, columns)."""
+    for v in range(filled):
+        widest[v] = 0.0
+    for one in range(size):
+        for other in range(one + 1, size):
+            for v in range(filled):
+                x = members[0, one, v] - members[0, other, v]
+                y = members[1, one, v] - members[1, other, v]
+                z = members[2, one, v] - members[2, other, v]
+                widest[v] = max(widest[v], x * x + y * y + z * z)
+
+
+@FAST
+def guiding_normals(
+    normals: FloatArray, areas: FloatArray, starts: IntArray, rows: IntArray, beside: IntArray, order: IntArray,
+    side_starts: IntArray, sides: IntArray,
+) -> FloatArray:  # fmt: skip
+    """g of each face, (n, 3): the mean normal of the patch with the least H that holds it.
+
+    rows: the faces round each face. beside: across each side the other one if it comes later, else
+    the face itself, (n, 3). order, side_starts, sides: of ``within_patches``.
+    """
+    count = len(normals)
+    means, unevenness = np.zeros((count, 3)), np.empty(count)
+    differences = chords_across(normals, beside).reshape(-1)
+    longest = 1 + (starts[order[-1] + 1] - starts[order[-1]] if count else 0)
+    members, widest = np.empty((3, longest, BLOCK)), np.empty(BLOCK)
+    first = 0
+    while first < count:
+        size = starts[order[first] + 1] - starts[order[first]] + 1
+        filled = 0
+        while filled < BLOCK and first + filled < count:
+            t = np.uint32(order[first + filled])
+            begin, end = np.uint32(starts[t]), np.uint32(starts[t + np.uint32(1)])
+            if end - begin != size - 1:
+                break
+            x, y, z = 0.0, 0.0, 0.0
+            for place in range(size):
+                s = np.uint32(rows[begin + np.uint32(place)]) if place < size - 1 else t
+                nx, ny, nz = normals[s, 0], normals[s, 1], normals[s, 2]
+                members[0, place, filled], members[1, place, filled], members[2, place, filled] = nx, ny, nz
+                x += areas[s] * nx
+                y += areas[s] * ny
+                z += areas[s] * nz
+            length = math.sqrt(x * x + y * y + z * z)
+            if length > 0.0:
+                means[t, 0], means[t, 1], means[t, 2] = x / length, y / length, z / length
+            filled += 1
+        widest_chords(members, size, filled, widest)
+        for v in range(filled):
+            t = np.uint32(order[first + v])
+            steepest, total = 0.0, 0.0
+            for k in range(np.uint32(side_starts[t]), np.uint32(side_starts[t + np.uint32(1)])):
+                phi = differences[np.uint32(sides[k])]
                 steepest = max(steepest, phi)
                 total += phi
-        unevenness[t] = math.sqrt(widest_chord(xs, ys, zs, size)) * steepest / (LEAST_SUM + total)
-        length = math.sqrt(x * x + y * y + z * z)
-        if length > 0.0:
-            means[t, 0], means[t, 1], means[t, 2] = x / length, y / length, z / length
+            unevenness[t] = math.sqrt(widest[v]) * steepest / (LEAST_SUM + total)
+        first += filled
     result = np.empty((count, 3))
     for t in range(count):
         best, least = np.uint32(t), unevenness[t]
