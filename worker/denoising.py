@@ -43,21 +43,29 @@ def denoise(
     errors = {} if truth is None else {"before": asdict(measure_errors(truth, before))}
     method, parameters = arguments["method"], arguments["parameters"]
     progress("denoise", 0.1)
-    choice = choose(before) if method == "auto" else None
+    choice = None
+    if method == "auto":
+        choice = choose(before, progress=lambda share: progress("denoise", 0.1 + 0.3 * share))
     if choice is not None and arguments["iterations"] == 1:
-        after = apply_choice(before, choice, arguments["boundary"])
+        after = apply_choice(
+            before, choice, arguments["boundary"], progress=lambda share: progress("denoise", 0.4 + 0.4 * share)
+        )
     else:
-        after = filtered(before, method, arguments["iterations"], boundary=arguments["boundary"], **parameters)
+        after = filtered(
+            before, method, arguments["iterations"], boundary=arguments["boundary"],
+            progress=lambda share: progress("denoise", 0.1 + 0.7 * share), **parameters,
+        )  # fmt: skip
     if truth is not None:
         progress("measure", 0.8)
         errors["after"] = asdict(measure_errors(truth, after))
     progress("write", 0.95)
+    left = choice is not None and not choice.parts
     used = np.unique(before.faces)
     ways = np.zeros(len(before.vertices))
     ways[used] = lengths(after.vertices[used] - before.vertices[used])
     outputs["mesh"].write(to_bytes(after, "ply", scalars={"displacement": ways}))
     return {
-        "method": method, "iterations": arguments["iterations"], "boundary": arguments["boundary"],
+        "method": method, "iterations": 0 if left else arguments["iterations"], "boundary": arguments["boundary"],
         "parameters": parameters, "choice": None if choice is None else asdict(choice),
         "vertices": len(after.vertices), "faces": len(after.faces), "mean_edge_length": mean_edge_length(before),
         "displacement": {

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from reebase.cli.output import STDOUT, check_picture, check_target, results, shown, write_bytes
+from reebase.cli.output import STDOUT, Step, check_picture, check_target, progress, results, shown, write_bytes
 from reebase.denoise import METHODS
 from reebase.errors import ParameterError
 
@@ -68,13 +69,17 @@ def denoise(
         before = add_noise(before, noise, kind, seed)
 
     out = results()
-    choice = choose(before) if method == "auto" else None
+    with progress() as begin:
+        choice = choose(before, progress=_share(begin("choosing", 100))) if method == "auto" else None
+        if method == "none":
+            after = before
+        elif choice is not None and iterations == 1:
+            after = apply_choice(before, choice, boundary, progress=_share(begin("denoising", 100)))
+        else:
+            tell = _share(begin("denoising", 100))
+            after = filtered(before, method, iterations, boundary=boundary, progress=tell, **parameters)
     if choice is not None:
         out.print(_said(choice))
-    if choice is not None and iterations == 1:
-        after = apply_choice(before, choice, boundary)
-    else:
-        after = before if method == "none" else filtered(before, method, iterations, boundary=boundary, **parameters)
     errors = [] if true is None else [(name, _errors(true, found)) for name, found in _stages(before, after)]
     data = to_bytes(after, target.suffix[1:].lower())
     drawn = None if picture is None else _drawn(before, after, image)
@@ -84,6 +89,11 @@ def denoise(
     out.print(f"{shown(target.name)}: {len(after.vertices)} vertices, {len(after.faces)} faces")
     for name, values in errors:
         out.print(f"{name}: {', '.join(values)}")
+
+
+def _share(step: Step) -> Callable[[float], None]:
+    """Tells a step the share that is done, in percent."""
+    return lambda share: step.update(int(100 * share))
 
 
 def _parameters(method: str, given: list[str]) -> dict[str, Any]:

@@ -36,7 +36,7 @@ Large meshes are judged by ``PATCHES`` patches with ``SAMPLE`` vertices in all.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -147,7 +147,7 @@ def chosen(surface: Surface) -> Choice:
         return Choice(parts, robust, GUIDED.surface, said)
     part = _sample(surface)
     tried = [entry for entry in CANDIDATES if not (entry.stubborn and square > IMPULSES * robust)]
-    risks = _risks(part, square, tried)
+    risks = _risks(part, square, tried, surface.report.within)
     least = min(risks.values())
     if not least < 0:
         said = f"The noise is {robust:.3f} of a mean edge, and every filter would take more of the surface than of it."
@@ -174,9 +174,9 @@ def chosen(surface: Surface) -> Choice:
 
 
 def _risks(
-    part: Surface, sigma: float, tried: Sequence[Candidate]
+    part: Surface, sigma: float, tried: Sequence[Candidate], tell: Callable[[float], None]
 ) -> dict[tuple[int, int], float]:
-    """S, in squared mean edge lengths, of each candidate's place and number of iterations."""
+    """S, in squared mean edge lengths, of each candidate's place and number of iterations. tell: the share done."""
     from reebase.denoise.ring_kernels import vertex_normals
 
     starts, ends, inner = _edges(part)
@@ -201,6 +201,7 @@ def _risks(
                 divergence += float((weights * (probe[starts] - probe[ends])) @ (response[starts] - response[ends]))
             squared = float(weights @ (heights[starts] - heights[ends]) ** 2)
             found[place, count] = squared + 2 * sigma**2 * divergence
+        tell((place + 1) / len(tried))
     return found
 
 
@@ -265,8 +266,10 @@ def applied(surface: Surface, choice: Choice) -> FloatArray:
     filters = {candidate.filter.name: candidate.filter for candidate in CANDIDATES}
     total = np.zeros_like(surface.positions)
     families: dict[tuple[Any, ...], list[Part]] = {}
+    done = 0
     for part in choice.parts:
         families.setdefault((part.method, *sorted(part.parameters.items())), []).append(part)
+    rounds = sum(max(part.iterations for part in parts) for parts in families.values())
     for parts in families.values():
         entry = filters[parts[0].method]
         step = entry.prepare(surface, entry.checked(parts[0].parameters))
@@ -276,6 +279,8 @@ def applied(surface: Surface, choice: Choice) -> FloatArray:
             for part in parts:
                 if part.iterations == count:
                     total += part.share * (positions - surface.positions)
+            done += 1
+            surface.report.within(done / rounds)
     normals = normalised(vertex_normals(surface.positions + total, surface.faces, True))
     across = (total * normals).sum(axis=1)[:, None] * normals
     return np.asarray(total + SLIDE * (across - total))
@@ -285,8 +290,9 @@ def prepare(surface: Surface, _: Mapping[str, Any]) -> Step:
     """A choice, and all of its iterations."""
 
     def step(positions: FloatArray) -> FloatArray:
-        here = replace(surface, positions=positions)
-        return applied(here, chosen(here))
+        here, report = replace(surface, positions=positions), surface.report
+        choice = chosen(replace(here, report=report.part(0.0, 0.5)))
+        return applied(replace(here, report=report.part(0.5, 1.0)), choice)
 
     return step
 

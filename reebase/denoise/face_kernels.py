@@ -90,10 +90,10 @@ def sides_in_pairs(faces: IntArray, count: int) -> tuple[IntArray, IntArray]:
     sides, ends, cursor = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32), starts[:-1].copy()
     for f in range(len(faces)):
         for k in range(3):
-            a, b = np.uint32(faces[f, k]), np.uint32(faces[f, k + 1 if k < 2 else 0])
-            low = min(a, b)
-            place = np.uint32(cursor[low])
-            sides[place], ends[place] = 3 * f + k, max(a, b)
+            one, other = np.uint32(faces[f, k]), np.uint32(faces[f, k + 1 if k < 2 else 0])
+            low = min(one, other)
+            next_one = np.uint32(cursor[low])
+            sides[next_one], ends[next_one] = 3 * f + k, max(one, other)
             cursor[low] += 1
     # Of each upper end, the edge to it from the lower end that is looked at; of each edge, how many sides it has.
     edge, have = np.full(count, -1, dtype=np.int32), np.zeros(3 * len(faces), dtype=np.int32)
@@ -111,9 +111,9 @@ def sides_in_pairs(faces: IntArray, count: int) -> tuple[IntArray, IntArray]:
             have[np.uint32(edge[end])] += 1
         begin = met
     pairs = 0
-    for one in range(met):
-        first[pairs], second[pairs] = first[one], second[one]
-        pairs += have[one] == 2
+    for found in range(met):
+        first[pairs], second[pairs] = first[found], second[found]
+        pairs += have[found] == 2
     return first[:pairs].copy(), second[:pairs].copy()
 
 
@@ -223,8 +223,8 @@ def followed_moves(positions: FloatArray, faces: IntArray, normals: FloatArray, 
     for t in range(len(faces)):
         for corner in range(3):
             shares[np.uint32(faces[t, corner])] += 1.0
-    for i in range(len(positions)):
-        shares[i] = 1.0 / shares[i] if shares[i] > 0.0 else 0.0
+    for w in range(len(positions)):
+        shares[w] = 1.0 / shares[w] if shares[w] > 0.0 else 0.0
     for _ in range(moves):
         sums[:] = 0.0
         for t in range(len(faces)):
@@ -244,10 +244,10 @@ def followed_moves(positions: FloatArray, faces: IntArray, normals: FloatArray, 
             sums[k, 0] += v * mx
             sums[k, 1] += v * my
             sums[k, 2] += v * mz
-        for i in range(len(positions)):
-            here[i, 0] += shares[i] * sums[i, 0]
-            here[i, 1] += shares[i] * sums[i, 1]
-            here[i, 2] += shares[i] * sums[i, 2]
+        for w in range(len(positions)):
+            here[w, 0] += shares[w] * sums[w, 0]
+            here[w, 1] += shares[w] * sums[w, 1]
+            here[w, 2] += shares[w] * sums[w, 2]
     return here
 
 

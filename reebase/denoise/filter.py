@@ -12,7 +12,7 @@ import numpy.typing as npt
 from reebase.errors import ParameterError
 from reebase.mesh.topology import Rings
 
-__all__ = ["Choice", "Filter", "Hold", "Number", "Ruled", "Step", "Surface", "stepped"]
+__all__ = ["Choice", "Filter", "Hold", "Number", "Report", "Ruled", "Step", "Surface", "stepped"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -28,6 +28,29 @@ def free(_: FloatArray, displacements: FloatArray) -> FloatArray:
     return displacements
 
 
+class Report:
+    """Tells a listener which share of the work is done, in [0, 1]: so many iterations, and a share of one."""
+
+    def __init__(self, listener: Callable[[float], None] | None = None, iterations: int = 1) -> None:
+        self._listener = listener
+        self._iterations = iterations
+        self._done = 0
+
+    def within(self, share: float) -> None:
+        """A share of the present iteration is done."""
+        if self._listener is not None:
+            self._listener((self._done + share) / self._iterations)
+
+    def part(self, low: float, high: float) -> Report:
+        """One for what takes the present iteration from a share to another."""
+        return Report(lambda share: self.within(low + (high - low) * share))
+
+    def another(self) -> None:
+        """The present iteration is done."""
+        self._done += 1
+        self.within(0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """What a filter is prepared with; lengths are in mean edge lengths of the mesh that came in.
@@ -36,7 +59,7 @@ class Surface:
     unit: that mean edge length in the mesh's own units, for what is printed in raw units. hold: for steps made
     of several moves, each of which has to respect the boundary; ``stepped`` applies it to whole steps. held: whether
     there is a boundary that it holds. known: what was found of the faces alone, by name, for filters that follow one
-    another.
+    another. report: told of iterations that are done, and by long ones of shares of themselves.
     """
 
     positions: FloatArray
@@ -46,6 +69,7 @@ class Surface:
     hold: Hold = free
     held: bool = False
     known: dict[str, Any] = field(default_factory=dict)
+    report: Report = field(default_factory=Report)
 
 
 Run = Callable[[Surface, Mapping[str, Any], int], FloatArray]
@@ -154,4 +178,5 @@ def stepped(surface: Surface, step: Step, iterations: int) -> FloatArray:
     positions = surface.positions
     for _ in range(iterations):
         positions = positions + surface.hold(positions, step(positions))
+        surface.report.another()
     return positions

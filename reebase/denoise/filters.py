@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from reebase.denoise.bilateral_normal import BILATERAL_NORMAL
 from reebase.denoise.bilateral_normal_global import BILATERAL_NORMAL_GLOBAL
 from reebase.denoise.fairing import FAIRING
 from reebase.denoise.fast_effective import FAST_EFFECTIVE
-from reebase.denoise.filter import Filter, FloatArray, Surface, stepped
+from reebase.denoise.filter import Filter, FloatArray, Report, Surface, stepped
 from reebase.denoise.finite_volume import FINITE_VOLUME
 from reebase.denoise.graph_diffusion import GRAPH_P_LAPLACIAN, UNIFORM
 from reebase.denoise.guided_normal import GUIDED_NORMAL
@@ -31,6 +32,8 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import Rings, rings
 
 __all__ = ["BOUNDARIES", "METHODS", "apply_choice", "choose", "denoise"]
+
+Progress = Callable[[float], None]
 
 METHODS: dict[str, Filter] = {
     entry.name: entry
@@ -54,13 +57,14 @@ MOST_ITERATIONS = 1000
 
 def denoise(
     mesh: Mesh, method: str = "finite_volume", iterations: int = 1, *, boundary: str = "curve",
-    **parameters: Any,
+    progress: Progress | None = None, **parameters: Any,
 ) -> Mesh:  # fmt: skip
     """The mesh with the same faces and its vertices moved by a filter.
 
     method: a name from METHODS. iterations: 1 to 1000. boundary: a name from BOUNDARIES; "curve" keeps of
     each displacement d its part along the boundary, (d . t) t with t the direction between the two
-    neighbours on the boundary, and nothing where the boundary passes a vertex more than once. parameters:
+    neighbours on the boundary, and nothing where the boundary passes a vertex more than once. progress: called with the
+    share that is done, after each iteration and during long ones. parameters:
     those of the filter, ``METHODS[method].parameters``. Topology is built once; all geometry is computed
     anew in each iteration. Isolated vertices stay untouched. Invariant to translation, rotation, scale and
     vertex order up to rounding. Raises UnknownName, ParameterError.
@@ -80,26 +84,30 @@ def denoise(
     start, scale = framed(mesh.vertices, around)
     if scale == 0:
         return mesh
-    surface = bounded(Surface(start, mesh.faces, around, scale), boundary)
-    chosen = METHODS[method]
-    if chosen.run is not None:
-        positions = chosen.run(surface, checked, iterations)
+    surface = bounded(Surface(start, mesh.faces, around, scale, report=Report(progress, iterations)), boundary)
+    entry = METHODS[method]
+    if entry.run is not None:
+        positions = entry.run(surface, checked, iterations)
     else:
-        positions = stepped(surface, chosen.prepare(surface, checked), iterations)
+        positions = stepped(surface, entry.prepare(surface, checked), iterations)
+    if progress is not None:
+        progress(1.0)
     positions -= start
     positions *= scale
     positions += mesh.vertices
     return Mesh(positions, mesh.faces)
 
 
-def choose(mesh: Mesh) -> Choice:
+def choose(mesh: Mesh, *, progress: Progress | None = None) -> Choice:
     """What ``denoise(mesh, "auto")`` runs, and why; nothing for a mesh without extent."""
     around = rings(mesh.faces, len(mesh.vertices))
     start, scale = framed(mesh.vertices, around)
-    return chosen(Surface(start, mesh.faces, around, scale))
+    return chosen(Surface(start, mesh.faces, around, scale, report=Report(progress)))
 
 
-def apply_choice(mesh: Mesh, choice: Choice, boundary: str = "curve") -> Mesh:
+def apply_choice(
+    mesh: Mesh, choice: Choice, boundary: str = "curve", *, progress: Progress | None = None
+) -> Mesh:
     """What ``denoise(mesh, "auto")`` gives, for the choice that ``choose`` made. Raises UnknownName."""
     if boundary not in BOUNDARIES:
         raise unknown_name("boundary", boundary, BOUNDARIES)
@@ -107,7 +115,7 @@ def apply_choice(mesh: Mesh, choice: Choice, boundary: str = "curve") -> Mesh:
     start, scale = framed(mesh.vertices, around)
     if scale == 0 or not choice.parts:
         return mesh
-    surface = bounded(Surface(start, mesh.faces, around, scale), boundary)
+    surface = bounded(Surface(start, mesh.faces, around, scale, report=Report(progress)), boundary)
     moved = surface.hold(start, applied(surface, choice))
     return Mesh(mesh.vertices + scale * ((start + moved) - start), mesh.faces)
 

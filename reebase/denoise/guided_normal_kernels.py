@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -46,7 +47,7 @@ def within_patches(starts: IntArray, rows: IntArray, beside: IntArray) -> tuple[
         ends[size] += 1
     mark = np.full(count, -1, dtype=np.int32)
     side_starts, sides = np.zeros(count + 1, dtype=np.int32), np.empty(3 * (len(rows) + count), dtype=np.int32)
-    filled = np.uint32(0)
+    filled: Any = np.uint32(0)
     for t in range(count):
         begin, end = np.uint32(starts[t]), np.uint32(starts[t + 1])
         mark[t] = t
@@ -124,14 +125,14 @@ def guiding_normals(
             unevenness[t] = math.sqrt(widest[v]) * steepest / (LEAST_SUM + total)
         first += filled
     result = np.empty((count, 3))
-    for t in range(count):
-        best, least = np.uint32(t), unevenness[t]
-        for k in range(np.uint32(starts[t]), np.uint32(starts[t + 1])):
+    for face in range(count):
+        best, least = np.uint32(face), unevenness[face]
+        for k in range(np.uint32(starts[face]), np.uint32(starts[face + 1])):
             s = np.uint32(rows[k])
             better = unevenness[s] < least
             best = s if better else best
             least = min(least, unevenness[s])
-        result[t, 0], result[t, 1], result[t, 2] = means[best, 0], means[best, 1], means[best, 2]
+        result[face, 0], result[face, 1], result[face, 2] = means[best, 0], means[best, 1], means[best, 2]
     return result
 
 

@@ -24,6 +24,7 @@ has no area, do not count.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -79,6 +80,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
             found = factors.solve(positions + beta * (bend.T @ delta))
             beta *= GROWTH
             alpha /= 2
+            surface.report.within(math.log(min(beta, LAST) / FIRST) / math.log(LAST / FIRST))
         return found - positions
 
     return step

@@ -78,7 +78,7 @@ class DenoisedValue(Value):
     task: str = Field(description="Id of the task; its result is kept for some days.")
     mesh: str = Field(description="Where the mesh is: ?format=ply, glb, obj, stl or off.")
     method: str
-    iterations: int
+    iterations: int = Field(description="How often the method ran; 0 where `auto` left the mesh as it is.")
     boundary: str
     parameters: dict[str, Any]
     choice: ChoiceValue | None = Field(description="Of `auto`; null for other methods.")

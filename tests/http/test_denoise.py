@@ -70,6 +70,12 @@ def test_with_a_truth_the_errors_come_too(http: httpx.Client) -> None:
     assert found["errors"]["after"]["mean_angle"] < found["errors"]["before"]["mean_angle"]
 
 
+def test_a_mesh_without_noise_is_left_and_no_iteration_is_said(http: httpx.Client) -> None:
+    found = http.post("/v1/denoise", **sent(TRUTH), data={"wait": 60}).json()
+    assert (found["choice"]["surface"], found["choice"]["parts"]) == ("clean", [])
+    assert (found["iterations"], found["displacement"]) == (0, {"mean": 0.0, "largest": 0.0})
+
+
 def test_the_order_of_the_two_files_does_not_matter(http: httpx.Client) -> None:
     one = sent(NOISY, TRUTH)["files"]
     turned = {name: one[name] for name in ("truth", "file")}

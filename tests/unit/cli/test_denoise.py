@@ -32,6 +32,15 @@ def test_noise_goes_on_by_seed_and_comes_off_again(command: Command, truth: Path
     assert np.array_equal(read(smooth).vertices, denoise(expected, "guided_normal", 2, sigma_s=0.4).vertices)
 
 
+@pytest.mark.parametrize(("method", "said"), [("auto", ["choosing", "denoising"]), ("l0", ["denoising"])])
+def test_progress_is_told(command: Command, truth: Path, tmp_path: Path, method: str, said: list[str]) -> None:
+    noisy = tmp_path / "noisy.ply"
+    write(add_noise(torus(), 0.2, seed=1), noisy)
+    ran = command("denoise", noisy, tmp_path / "out.ply", "--method", method)
+    assert ran.code == 0, ran
+    assert [line for line in ran.err.splitlines() if "100/100" in line] == [f"{one}: 100/100" for one in said]
+
+
 def test_a_truth_gives_the_errors_before_and_after(command: Command, truth: Path, tmp_path: Path) -> None:
     noisy = tmp_path / "noisy.off"
     write(add_noise(torus(), 0.2, seed=3), noisy)

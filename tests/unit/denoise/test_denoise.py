@@ -109,6 +109,15 @@ def test_boundary_vertices_move_along_their_curve(method: str) -> None:
 
 
 @every_method
+def test_progress_rises_to_one(method: str) -> None:
+    told: list[float] = []
+    denoise(noisy(torus()), method, 3, progress=told.append)
+    assert told == sorted(told) and told[0] >= 0
+    assert told[-1] == pytest.approx(1)
+    assert len(told) >= (1 if method in {"laplacian", "taubin"} else 3)
+
+
+@every_method
 def test_a_fixed_boundary_stays_and_a_free_one_moves(method: str) -> None:
     mesh = noisy(cylinder())
     rim = np.abs(cylinder().vertices[:, 2]) == 1
