@@ -42,13 +42,17 @@ def read_gltf(data: bytes, limits: Limits) -> Mesh:
     accessors = Accessors(document, binary, limits)
     meshes = table(document, "meshes")
     nodes = table(document, "nodes")
-    placed = _placed(document, nodes)
+    placed = [
+        (field(nodes[node], "mesh", len(meshes), f"nodes[{node}]"), matrix)
+        for node, matrix in _placed(document, nodes)
+    ]
+    if not nodes:  # a file of meshes that nothing places
+        placed = [(at, np.eye(4)) for at in range(len(meshes))]
     read: dict[int, Part] = {}
     vertices: list[Floats] = []
     faces: list[Ints] = []
     vertex_count = face_count = 0
-    for node, matrix in placed:
-        at = field(nodes[node], "mesh", len(meshes), f"nodes[{node}]")
+    for at, matrix in placed:
         if at is None:
             continue
         if at not in read:
@@ -204,15 +208,15 @@ def _mesh(mesh: dict[str, Any], at: int, accessors: Accessors, limits: Limits) -
             raise FormatError(f"glTF: {where}.mode is {str(mode)[:16]}, not 0 to 6.")
         if mode not in (TRIANGLES, STRIP, FAN):
             continue
-        extensions = primitive.get("extensions")
-        if isinstance(extensions, dict) and "KHR_draco_mesh_compression" in extensions:
-            raise UnsupportedFeature(
-                "glTF: the mesh is compressed with Draco, which is not read. Export it without compression."
-            )
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict) or "POSITION" not in attributes:
             continue
         position = accessors.index(attributes, "POSITION", f"{where}.attributes")
+        extensions = primitive.get("extensions")
+        if isinstance(extensions, dict) and "KHR_draco_mesh_compression" in extensions and accessors.is_empty(position):
+            raise UnsupportedFeature(
+                "glTF: the mesh is compressed with Draco, which is not read. Export it without compression."
+            )
         if position not in starts:
             points = accessors.vectors(position)
             starts[position] = count

@@ -75,6 +75,10 @@ class Accessors:
             raise FormatError(f"glTF: {where}.{name} is missing.")
         return found
 
+    def is_empty(self, at: int) -> bool:
+        """Whether the accessor has no values of its own, as where an extension holds them compressed."""
+        return self._accessors[at].get("bufferView") is None and "sparse" not in self._accessors[at]
+
     def vectors(self, at: int) -> npt.NDArray[np.float64]:
         """Positions, shape (count, 3)."""
         if at not in self._vectors:

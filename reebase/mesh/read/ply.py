@@ -62,7 +62,7 @@ def read_ply_scalars(data: bytes, limits: Limits) -> tuple[Mesh, dict[str, npt.N
 
 def _header(data: bytes) -> tuple[str, list[Element], int]:
     """(layout, elements, offset of the body)."""
-    match = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    match = re.match(rb"(?:\xef\xbb\xbf)?(?i:ply)[ \t]*(\r\n|\n|\r)", data)
     if match is None:
         raise FormatError(f"PLY: the file starts with {quoted(data[:16])}, not with a line that says ply.")
     newline = match.group(1)

@@ -99,7 +99,7 @@ def _signed(data: bytes) -> str | None:
         return "glb"
     if data.startswith(archive.MAGIC):
         return "3mf"
-    if re.match(rb"ply[ \t]*[\r\n]", data):
+    if re.match(rb"(?:\xef\xbb\xbf)?(?i:ply)[ \t]*[\r\n]", data):
         return "ply"
     start = data[:START]
     if OFF_HEADER.match(start) or (is_text(start) and OFF_HEADER.match(without_comments(plain_text(start)))):

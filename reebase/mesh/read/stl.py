@@ -67,11 +67,25 @@ def _binary(data: bytes, announced: int, limits: Limits) -> Mesh:
             f"{len(data):,}.",
             announced=announced, needed=needed, found=len(data),
         )  # fmt: skip
+    there = (len(data) - HEADER) // RECORD.itemsize
+    if there > announced and HEADER + RECORD.itemsize * there == len(data) and _are_triangles(data, announced):
+        announced = there
     if not announced:
         raise NoFaces("The STL file announces 0 triangles.")
     limits.check_faces(announced)
     corners = np.frombuffer(data, RECORD, announced, HEADER)["corners"]
     return _soup(corners.reshape(-1, 3).astype(np.float64), np.full(announced, 3), limits)
+
+
+def _are_triangles(data: bytes, start: int) -> bool:
+    """Whether what stands behind ``start`` triangles is more of them: some writers never go back to fill in the count.
+
+    Coordinates are then finite, and normals zero or of unit length, as those of anything else would hardly be.
+    """
+    rest = np.frombuffer(data, RECORD, -1, HEADER + RECORD.itemsize * start)
+    length = np.sqrt((rest["normal"].astype(np.float64) ** 2).sum(axis=1))
+    unit = (length < 1e-6) | (np.abs(length - 1.0) < 1e-2)
+    return bool(np.isfinite(rest["corners"]).all() and unit.all())
 
 
 def _text(data: bytes, limits: Limits) -> Mesh:

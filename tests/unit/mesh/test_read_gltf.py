@@ -235,6 +235,22 @@ def test_sparse_accessors() -> None:
         read(glb(changed("accessors.0.sparse", {"count": 2, "indices": indices, "values": {"bufferView": 1}})))
 
 
+def test_draco_is_refused_unless_the_values_are_there_as_well() -> None:
+    record = changed("meshes.0.primitives.0.extensions", {"KHR_draco_mesh_compression": {"bufferView": 0}})
+    assert np.array_equal(read(glb(record)).vertices, POINTS)
+    del record["accessors"][0]["bufferView"]
+    with pytest.raises(UnsupportedFeature, match=r"Draco.*without compression"):
+        read(glb(record))
+
+
+def test_meshes_that_no_file_places_are_read_where_they_are() -> None:
+    record = document()
+    for name in ("scene", "scenes", "nodes"):
+        del record[name]
+    mesh = read(glb(record))
+    assert np.array_equal(mesh.vertices, POINTS) and len(mesh.faces) == 2
+
+
 @pytest.mark.parametrize(
     ("record", "error", "message"),
     [
@@ -260,7 +276,6 @@ def test_sparse_accessors() -> None:
         (changed("meshes.0.primitives.0.attributes", {"POSITION": 9}), FormatError, "POSITION"),
         (changed("meshes.0.primitives.0.attributes", {"POSITION": 1}), FormatError, "VEC3"),
         (changed("meshes.0.primitives.0.indices", 0), FormatError, "unsigned"),
-        (changed("meshes.0.primitives.0.extensions", {"KHR_draco_mesh_compression": {}}), UnsupportedFeature, "Draco"),
         (changed("bufferViews.0.extensions", {"EXT_meshopt_compression": {}}), UnsupportedFeature, "meshopt"),
         (changed("accessors.0.count", 6), TruncatedFile, "announces 6 items"),
         (changed("accessors.0.count", 10**7), TooManyVertices, "."),

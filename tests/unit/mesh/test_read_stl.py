@@ -110,6 +110,19 @@ def test_truncated_binary(cut: int) -> None:
         read(binary()[:cut], "stl")
 
 
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_a_count_that_was_never_filled_in_loses_nothing(count: int) -> None:
+    whole = to_bytes(tetrahedron(), "stl")
+    less = whole[:80] + count.to_bytes(4, "little") + whole[84:]
+    assert np.array_equal(read(less, "stl").vertices, read(whole, "stl").vertices)
+
+
+def test_what_stands_behind_the_triangles_and_is_none_is_passed_over() -> None:
+    whole = to_bytes(tetrahedron(), "stl")
+    for behind in (b"\x40" * 50, b"junk", b"\xff" * 100):
+        assert len(read(whole + behind, "stl").faces) == 4
+
+
 @pytest.mark.parametrize(
     ("data", "error", "message"),
     [
