@@ -5,7 +5,7 @@
 Of shapes drawn from each SET (as in descriptors.py; articulated-a and rigid-a by default) a limb is cut off, or half of
 it, and moved and turned: a limb is what lies nearest along the surface to an endpoint of `extended`, a tenth or a fifth
 of the area; a half is the largest piece on one side of a plane through the median of the area. Cuts run along edges;
-the part is scaled for `relative` measures only where --scale says so. Prints how often the shape that it was cut from
+the part is scaled where --scale says so. Prints how often the shape that it was cut from
 comes first and among the first ten, how often the first other shape is of its class, and the share of its class among
 the ten first others. Descriptors that are not for parts stand for the usual ranking.
 """

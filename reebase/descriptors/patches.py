@@ -1,7 +1,7 @@
 """``patches``: what the surface is like round points that are spread over it, to find the whole of a part (Kacem,
 section 5.2.1).
 
-The idea: a limb, or half of a scan, looks from close by as the whole does there, whatever is missing. Round each of 64
+The idea: a limb, or half of a scan, looks from close by as the whole does there, whatever is missing. Round each of 256
 points the surface is described in growing geodesic discs: how much area they hold, how far their normals turn, how high
 they rise, each free of pose. A disc that reaches the border of the part, or is smaller than the mesh resolves, is left
 unknown. Then every patch of the query looks for its closest one in the other shape; what only the other has costs
@@ -27,8 +27,14 @@ __all__ = ["PATCHES", "describe", "place"]
 
 Array = npt.NDArray[np.float64]
 
-POINTS = 64
-"""Patches of a shape."""
+POINTS = 256
+"""Patches of a shape. With 64 a point of the part is too far from the nearest of the whole: of limbs of a tenth of the
+area 0.15 found their whole first, and 0.85 do."""
+
+FEWEST_POINTS = 64
+STEPS = 2_500_000
+"""Of a mesh with more vertices there are fewer patches, so that they and the vertices multiply to no more than this, but
+not fewer than ``FEWEST_POINTS``: round each point distances spread over the whole surface."""
 
 ASKED = 32
 """Patches of a query that look for theirs: the first ones, which are spread over it as evenly as all."""
@@ -57,7 +63,7 @@ area."""
 
 
 def describe(surface: Surface) -> Array:
-    """A row for each patch, float64, (64, 39): the first disc that is known, one after the last, three values a disc,
+    """A row for each patch, float64, (256, 39): the first disc that is known, one after the last, three values a disc,
     and the logarithm of the root of the area in the units of the mesh.
 
     Fewer rows where the mesh has fewer vertices. Values of discs that are not known are 0.
@@ -87,12 +93,13 @@ def place(surface: Surface) -> Array:
 
 def _spread(mesh: Mesh, reach: float) -> tuple[Spread, Array]:
     """Points clear of one another and of the border, and how far each is from that."""
+    count = int(np.clip(STEPS // len(mesh.vertices), FEWEST_POINTS, POINTS))
     joined = edges(mesh.faces)
     border = np.unique(joined.vertices[joined.boundary])
     if not len(border):
-        return farthest_points(mesh, POINTS, reach), np.full(POINTS, np.inf)
+        return farthest_points(mesh, count, reach), np.full(count, np.inf)
     clear = distance_to(mesh, border)
-    spread = farthest_points(mesh, POINTS, reach, clear)
+    spread = farthest_points(mesh, count, reach, clear)
     return spread, clear[spread.vertices]
 
 

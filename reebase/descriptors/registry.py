@@ -105,7 +105,7 @@ DESCRIPTORS: Mapping[str, Descriptor] = MappingProxyType({
         Descriptor("ms", "Parts of the medial surface, matched by thickness, size and place.",
                    ms.describe, CHARGED, ("matching",)),
         Descriptor("patches", "Patches of the query, each sought in the other: finds the whole of a part.",
-                   patches.describe, PATCHES, ("relative", "absolute"), place=patches.place, version=2),
+                   patches.describe, PATCHES, ("relative", "absolute"), place=patches.place, version=3),
         Descriptor("views", "Images from eighteen sides, in any of 48 positions.",
                    views.describe, VIEWS, ("l1",), version=2),
     )

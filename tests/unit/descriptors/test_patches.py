@@ -61,7 +61,8 @@ def test_what_the_border_cuts_or_the_mesh_does_not_resolve_is_unknown():
     for disc, radius in enumerate(RADII):
         resolved = radius >= 2 * 1.138 / 30  # the mean of two sides and a diagonal is 1.14 sides
         assert (known[:, disc] <= (resolved & (radius <= free + 1e-9))).all()
-        assert (known[:, disc] >= (resolved & (radius <= 0.95 * free))).all()
+        # Where two sides meet their fronts run ahead, by 1 / sqrt(2) at most.
+        assert (known[:, disc] >= (resolved & (radius <= 0.7 * free))).all()
     assert (kept[:, 2:-1].reshape(-1, 12, 3)[~known] == 0).all()
     np.testing.assert_allclose(kept[:, -1], 0.0, atol=1e-12)
 
