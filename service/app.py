@@ -93,8 +93,8 @@ def _lifespan(settings: ServiceSettings, metrics: Metrics) -> Callable[[FastAPI]
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         context = Context.open(settings, metrics, app.state.stopping)
         app.state.context = context
-        # Compiled kernels load in a third of a second: not at the start, and not in the first query.
-        threading.Thread(target=_warm, name="warm", daemon=True).start()
+        # Compiled kernels load in a third of a second, a large collection in seconds: not in the first query.
+        threading.Thread(target=_warm, args=(context,), name="warm", daemon=True).start()
         try:
             yield
         finally:
@@ -104,10 +104,11 @@ def _lifespan(settings: ServiceSettings, metrics: Metrics) -> Callable[[FastAPI]
     return lifespan
 
 
-def _warm() -> None:
+def _warm(context: Context) -> None:
     import numpy as np
 
     from reebase.matching import MEASURES, match
+    from reebase.ranking import ranking_named
     from reebase.search import Index
 
     try:
@@ -116,8 +117,10 @@ def _warm() -> None:
         for measure in MEASURES:
             index.query(features, measure=measure)
             match(features, features, measure)
+        context.follower.read_ahead(ranking_named(), context.stopping)
     except Exception:
-        structlog.get_logger("service").exception("warming_failed")
+        if not context.stopping.is_set():
+            structlog.get_logger("service").exception("warming_failed")
 
 
 def _routes() -> Iterator[APIRoute]:

@@ -3,6 +3,7 @@
 ``IndexFollower(database, memory_bytes)``
   ``.index(collection_id, profile_key) -> reebase.search.Index``: endpoint features, for D
   ``.gallery(collection_id, profile_key, ranking) -> Hung``: what any ranking compares, and who lacks it
+  ``.read_ahead(ranking, stopping)``: the galleries of all collections that fit
 
 Each call looks at the revision and applies what changed since the last one: rows written later, and
 tombstones of shapes deleted later. So a process sees what other processes commit, at the cost of one
@@ -15,14 +16,15 @@ import itertools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from sqlalchemy import Connection, exists, select
+from sqlalchemy import Connection, exists, func, select
 
 from reebase.ranking import Ranking
 from reebase.search import Gallery, Index
-from store import descriptors, revision
+from store import collections, descriptors, revision
 from store.descriptors import Described
 from store.engine import Database
 from store.errors import CollectionNotFound
@@ -35,6 +37,9 @@ _BATCH = 1000
 twice meanwhile, and what hangs already is copied each time."""
 
 _MEMORY = 1 << 30
+
+_SHAPE = 40_000
+"""Bytes that a shape may take in a gallery, when it must be guessed: twice what `fused` keeps of one."""
 
 Held = TypeVar("Held", "Hung", Index)
 Advance = Callable[[Held, Iterator[Described], list[str]], Held]
@@ -86,6 +91,28 @@ class IndexFollower:
         hung = self._current(key, profile_key, lambda: Hung(Gallery(ranking)), _hung)
         self._make_room(key)
         return hung
+
+    def read_ahead(self, ranking: Ranking, stopping: threading.Event) -> None:
+        """Read the galleries of all collections, largest first, while there is memory: before anybody waits for them.
+
+        stopping: set when it is to end. What is read before a query is what a query would read.
+        """
+        shapes = func.count().label("shapes")
+        by_size = (
+            select(endpoint_features.c.collection_id, shapes)
+            .group_by(endpoint_features.c.collection_id).order_by(shapes.desc())
+        )  # fmt: skip
+        with self._database.read() as conn:
+            counted = conn.execute(by_size).all()
+        room = self._memory_bytes
+        for row in counted:
+            room -= row.shapes * _SHAPE
+            if room < 0 or stopping.is_set():
+                return
+            with suppress(CollectionNotFound):
+                with self._database.read() as conn:
+                    key = collections.by_id(conn, row.collection_id).profile_key
+                self.gallery(row.collection_id, key, ranking)
 
     def _current(self, key: Key, profile_key: str, new: Callable[[], Held], advance: Advance[Held]) -> Held:
         collection_id, ranking = key

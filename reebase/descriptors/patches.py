@@ -33,8 +33,8 @@ area 0.15 found their whole first, and 0.85 do."""
 
 FEWEST_POINTS = 64
 STEPS = 2_500_000
-"""Of a mesh with more vertices there are fewer patches, so that they and the vertices multiply to no more than this, but
-not fewer than ``FEWEST_POINTS``: round each point distances spread over the whole surface."""
+"""Of a mesh with more vertices there are fewer patches, so that they and the vertices multiply to no more than this,
+but not fewer than ``FEWEST_POINTS``: round each point distances spread over the whole surface."""
 
 ASKED = 32
 """Patches of a query that look for theirs: the first ones, which are spread over it as evenly as all."""

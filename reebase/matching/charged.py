@@ -78,7 +78,10 @@ def match_charged(first: npt.ArrayLike, second: npt.ArrayLike) -> Match:
 
 def _ordered(rows: Array) -> tuple[Array, npt.NDArray[np.int64]]:
     """By decreasing charge, then the other columns: the same rows for every order of the endpoints."""
-    order = np.lexsort((*rows[:, -2::-1].T, -rows[:, -1]))
+    order = np.lexsort((rows[:, 0], -rows[:, -1]))
+    first = rows[order][:, [0, -1]]
+    if (first[1:] == first[:-1]).all(axis=1).any():  # seldom: the other columns are many
+        order = np.lexsort((*rows[:, -2::-1].T, -rows[:, -1]))
     return np.ascontiguousarray(rows[order]), order
 
 

@@ -65,6 +65,8 @@ class _Kept(NamedTuple):
 
     def taken(self, places: npt.NDArray[np.int64]) -> _Kept:
         """Of these shapes, in this order."""
+        if np.array_equal(places, np.arange(len(self.offsets) - 1)):
+            return self
         lengths = np.diff(self.offsets)[places]
         offsets = np.concatenate([[0], np.cumsum(lengths)])
         rows = np.repeat(self.offsets[places] - offsets[:-1], lengths) + np.arange(offsets[-1])

@@ -197,6 +197,25 @@ def test_memory_is_bounded_by_what_was_asked_for_last(
     assert len(tiny.gallery(collection.id, collection.profile_key, RANKINGS[0]).gallery) == 6
 
 
+def test_what_queries_will_need_is_read_ahead_while_it_fits(
+    database: Database, collection: Collection, upload: Upload, describe: Callable[..., Task]
+) -> None:
+    for seed in range(3):
+        upload()
+        describe(seed)
+
+    def read(memory_bytes: int, *, stopped: bool = False) -> list[int]:
+        follower, stopping = IndexFollower(database, memory_bytes), threading.Event()
+        if stopped:
+            stopping.set()
+        follower.read_ahead(RANKINGS[0], stopping)
+        return [len(one.held.gallery) for key, one in follower._followed.items() if key[1] is not None]
+
+    assert read(1 << 30) == [3]
+    assert read(1 << 30, stopped=True) == []
+    assert read(1000) == []
+
+
 def test_many_threads_rank_while_shapes_arrive(
     database: Database, collection: Collection, upload: Upload, describe: Callable[..., Task]
 ) -> None:
