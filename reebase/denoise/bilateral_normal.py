@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from reebase.denoise.faces import VERTEX_ITERATIONS, centroid_distance, faces_across, faces_around, followed
+from reebase.denoise.faces import VERTEX_ITERATIONS, centroid_distance, faces_across, followed, pairs_around
 from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
 
 __all__ = ["BILATERAL_NORMAL"]
@@ -29,7 +29,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     """One round over normals and vertices on this surface."""
     from reebase.denoise.face_kernels import bilateral_normals, face_geometry
 
-    starts, rows = faces_around(surface)
+    starts, later = pairs_around(surface)
     across = faces_across(surface)
 
     def step(positions: FloatArray) -> FloatArray:
@@ -37,7 +37,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
         sigma_c = parameters["reach"] * centroid_distance(centroids, across)
         for _ in range(parameters["normal_iterations"]):
             normals = bilateral_normals(
-                normals, normals, areas, centroids, starts, rows, sigma_c, parameters["sigma_s"]
+                normals, normals, areas, centroids, starts, later, sigma_c, parameters["sigma_s"]
             )
         return followed(surface, positions, normals, parameters["vertex_iterations"]) - positions
 

@@ -13,7 +13,7 @@ from reebase.denoise.ring_kernels import CROWD
 
 __all__ = [
     "around_faces", "bilateral_normals", "bilateral_weights", "face_geometry", "follow_normals", "followed_moves",
-    "mean_distance_across", "mean_normals", "median_normals", "normals_above", "sides_in_pairs",
+    "later_of", "mean_distance_across", "mean_normals", "median_normals", "normals_above", "sides_in_pairs",
 ]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
@@ -252,19 +252,38 @@ def followed_moves(positions: FloatArray, faces: IntArray, normals: FloatArray, 
 
 
 @FAST
-def bilateral_normals(
-    normals: FloatArray, guides: FloatArray, areas: FloatArray, centroids: FloatArray, starts: IntArray, rows: IntArray,
-    sigma_c: float, sigma_s: float,
-) -> FloatArray:  # fmt: skip
-    """sum_s A_s exp(-|c_s - c_t|^2 / 2 sigma_c^2 - |g_s - g_t|^2 / 2 sigma_s^2) n_s over each row, at length 1, (n, 3).
+def later_of(starts: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
+    """Of each row what comes after its own place: each pair once, in compressed rows."""
+    later_starts, later = np.zeros(len(starts), dtype=np.int32), np.empty(len(rows), dtype=np.int32)
+    filled = np.uint32(0)
+    for t in range(len(starts) - 1):
+        for k in range(np.uint32(starts[t]), np.uint32(starts[t + 1])):
+            # Written either way, and kept from one end: which one is as good as random.
+            later[filled] = rows[k]
+            filled += np.uint32(rows[k] > t)
+        later_starts[t + 1] = filled
+    return later_starts, later[:filled].copy()
 
-    Where it vanishes the normal stays. Faces are taken so many at once that their rows hold about BATCH faces.
+
+@FAST
+def bilateral_normals(
+    normals: FloatArray, guides: FloatArray, areas: FloatArray, centroids: FloatArray, starts: IntArray,
+    later: IntArray, sigma_c: float, sigma_s: float,
+) -> FloatArray:  # fmt: skip
+    """sum_s A_s exp(-|c_s - c_t|^2 / 2 sigma_c^2 - |g_s - g_t|^2 / 2 sigma_s^2) n_s over the faces round each, at
+    length 1, (n, 3).
+
+    starts, later: of ``later_of``: the weight of a pair serves both. Where the sum vanishes the normal stays. Faces are
+    taken so many at once that their rows hold about BATCH faces.
     """
-    result = normals.copy()
+    result, shares = np.zeros_like(normals), np.empty_like(normals)
     near, alike = -0.5 / (sigma_c * sigma_c), -0.5 / (sigma_s * sigma_s)
     longest = BATCH
     for t in range(len(normals)):
         longest = max(longest, starts[t + 1] - starts[t])
+        shares[t, 0], shares[t, 1], shares[t, 2] = (
+            areas[t] * normals[t, 0], areas[t] * normals[t, 1], areas[t] * normals[t, 2],
+        )  # fmt: skip
     weights, scratch = np.empty(longest), np.empty(longest)
     bits = scratch.view(np.int64)
     first = 0
@@ -275,24 +294,34 @@ def bilateral_normals(
             cx, cy, cz = centroids[last, 0], centroids[last, 1], centroids[last, 2]
             gx, gy, gz = guides[last, 0], guides[last, 1], guides[last, 2]
             for k in range(begin, end):
-                s = np.uint32(rows[k])
+                s = np.uint32(later[k])
                 x, y, z = centroids[s, 0] - cx, centroids[s, 1] - cy, centroids[s, 2] - cz
                 u, v, w = guides[s, 0] - gx, guides[s, 1] - gy, guides[s, 2] - gz
                 weights[k - base] = near * (x * x + y * y + z * z) + alike * (u * u + v * v + w * w)
             last += 1
         exponentials(weights, scratch, bits, starts[last] - base)
         for t in range(first, last):
-            x, y, z = 0.0, 0.0, 0.0
+            x, y, z = result[t, 0], result[t, 1], result[t, 2]
+            ownx, owny, ownz = shares[t, 0], shares[t, 1], shares[t, 2]
             for k in range(np.uint32(starts[t]), np.uint32(starts[t + 1])):
-                s = np.uint32(rows[k])
-                weight = areas[s] * weights[k - base]
-                x += weight * normals[s, 0]
-                y += weight * normals[s, 1]
-                z += weight * normals[s, 2]
-            length = math.sqrt(x * x + y * y + z * z)
-            if length > 0.0:
-                result[t, 0], result[t, 1], result[t, 2] = x / length, y / length, z / length
+                s = np.uint32(later[k])
+                weight = weights[k - base]
+                x += weight * shares[s, 0]
+                y += weight * shares[s, 1]
+                z += weight * shares[s, 2]
+                result[s, 0] += weight * ownx
+                result[s, 1] += weight * owny
+                result[s, 2] += weight * ownz
+            result[t, 0], result[t, 1], result[t, 2] = x, y, z
         first = last
+    for t in range(len(normals)):
+        x, y, z = result[t, 0], result[t, 1], result[t, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 0.0:
+            scale = 1.0 / length
+            result[t, 0], result[t, 1], result[t, 2] = scale * x, scale * y, scale * z
+        else:
+            result[t, 0], result[t, 1], result[t, 2] = normals[t, 0], normals[t, 1], normals[t, 2]
     return result
 
 

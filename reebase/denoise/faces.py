@@ -9,6 +9,7 @@ from reebase.denoise.filter import FloatArray, Number, Surface
 
 __all__ = [
     "VERTEX_ITERATIONS", "centroid_distance", "faces_across", "faces_around", "followed", "later_beside",
+    "pairs_around",
 ]  # fmt: skip
 
 IntArray = npt.NDArray[np.int32]
@@ -29,6 +30,16 @@ def faces_around(surface: Surface) -> tuple[IntArray, IntArray]:
         surface.known["around"] = around_faces(surface.faces, starts, corners)
     starts, rows = surface.known["around"]
     return starts, rows
+
+
+def pairs_around(surface: Surface) -> tuple[IntArray, IntArray]:
+    """``faces_around`` with each pair once, in the row of the one that comes first."""
+    from reebase.denoise.face_kernels import later_of
+
+    if "pairs" not in surface.known:
+        surface.known["pairs"] = later_of(*faces_around(surface))
+    starts, later = surface.known["pairs"]
+    return starts, later
 
 
 def sides_across(surface: Surface) -> tuple[IntArray, IntArray]:

@@ -30,6 +30,7 @@ from reebase.denoise.faces import (
     faces_around,
     followed,
     later_beside,
+    pairs_around,
 )
 from reebase.denoise.filter import Filter, FloatArray, Number, Step, Surface
 
@@ -42,6 +43,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
     from reebase.denoise.guided_normal_kernels import guiding_normals, within_patches
 
     starts, rows = faces_around(surface)
+    pairs = pairs_around(surface)
     across = faces_across(surface)
     beside = later_beside(surface)
     if "patches" not in surface.known:
@@ -54,7 +56,7 @@ def prepare(surface: Surface, parameters: Mapping[str, Any]) -> Step:
             guides = guiding_normals(normals, areas, starts, rows, beside, *surface.known["patches"])
             sigma_c = parameters["reach"] * centroid_distance(centroids, across)
             normals = bilateral_normals(
-                normals, guides, areas, centroids, starts, rows, sigma_c, parameters["sigma_s"]
+                normals, guides, areas, centroids, *pairs, sigma_c, parameters["sigma_s"]
             )
             positions = followed(surface, positions, normals, parameters["vertex_iterations"])
         return positions - begin
