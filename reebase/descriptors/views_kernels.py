@@ -81,6 +81,11 @@ def least_over_turns(
     """
     count = turns.shape[1]
     costs = np.empty((count, count))
+    # No turn takes a view along an axis to a view along a diagonal: such costs are not needed.
+    meet = np.zeros((count, count), np.bool_)
+    for t in range(len(turns)):
+        for i in range(count):
+            meet[i, turns[t, i]] = True
     for c in range(len(out)):
         first, second = query, others[c * len(query) : (c + 1) * len(query)]
         if not _comes_first(first, second):
@@ -89,7 +94,8 @@ def least_over_turns(
         for start in range(0, len(query), count):
             for i in range(count):
                 for j in range(count):
-                    costs[i, j] = _difference(first, second, start + i, start + j)
+                    if meet[i, j]:
+                        costs[i, j] = _difference(first, second, start + i, start + j)
             for t in range(len(turns)):
                 total = 0.0
                 for i in range(count):
