@@ -1,7 +1,7 @@
 """Whether a disturbed copy still finds its original first: the rate, by disturbance and ranking.
 
     ./run python benchmarks/self_match.py [SET ...] [--copies 40] [--rankings srg extended fused re-ranked]
-        [--only remeshed ...] [--denoise finite_volume none auto] [--missed]
+        [--only remeshed ...] [--profiles denoise=none denoise=none,operator=tufted] [--missed]
 
 SET is a folder with labels.csv, or `synthetic`; by default articulated-a and rigid-a, looked for under $REEBASE_DATA or
 ../shared/data, where present, and the synthetic set. Every shape of the set is described; then `--copies` of them are
@@ -40,6 +40,12 @@ def ranking(name: str) -> Ranking:
     return ranking_named("fused", rerank=True) if name == RERANKED else ranking_named(name, rerank=False)
 
 
+def profile_of(text: str) -> tuple[str, Profile]:
+    """What differs from the default: parameter=value, several by commas."""
+    changes = dict(one.split("=") for one in text.split(","))
+    return text, Profile(**{name: type(getattr(Profile(), name))(value) for name, value in changes.items()})
+
+
 def kept(mesh: Mesh, parts: list[str], profile: Profile) -> Kept | None:
     try:
         surface = surface_of(describe(mesh, profile))
@@ -56,12 +62,12 @@ def main() -> None:
     parser.add_argument("--rankings", nargs="+", default=["srg", "extended", "fused", RERANKED],
                         choices=[*RANKINGS, RERANKED])  # fmt: skip
     parser.add_argument("--only", nargs="+", default=list(DISTURBANCES), choices=list(DISTURBANCES))
-    parser.add_argument("--denoise", nargs="+", default=[Profile().denoise])
+    parser.add_argument("--profiles", nargs="+", type=profile_of, default=[("", Profile())])
     parser.add_argument("--missed", action="store_true")
     options = parser.parse_args()
     rankings = {name: ranking(name) for name in options.rankings}
     parts = sorted({part for one in rankings.values() for part in one.parts})
-    profiles = [Profile(denoise=name) for name in options.denoise]
+    titles, profiles = zip(*options.profiles, strict=True)
     for name in options.sets:
         _, sources = load(name)
         names = [one.name if isinstance(one, Path) else f"{name} {at}" for at, one in enumerate(sources)]
@@ -78,8 +84,8 @@ def main() -> None:
         both = [id for id in originals[0] if all(id in one for one in originals)]
         chosen = both[:: max(1, len(both) // options.copies)]
         print(f"\n{name}: {len(chosen)} of {len(both)} shapes disturbed")
-        columns = [f"{which} {profile.denoise}" for profile in profiles for which in rankings]
-        print(f"{'':10s}", *(f"{column:>24s}" for column in columns), flush=True)
+        columns = [f"{which} {title}".strip() for title in titles for which in rankings]
+        print(f"{'':10s}", *(f"{column:>26s}" for column in columns), flush=True)
         for disturbance in options.only:
             ranks: list[list[int]] = [[] for _ in columns]
             missed = []
@@ -94,7 +100,7 @@ def main() -> None:
                         before = names[int(first)] if first else "refused"
                         missed.append((columns[column], names[int(id)], rank, before))
             shares = [np.mean(np.array(column) == 0) for column in ranks]
-            print(f"{disturbance:10s}", *(f"{share:24.3f}" for share in shares), flush=True)
+            print(f"{disturbance:10s}", *(f"{share:26.3f}" for share in shares), flush=True)
             for column, one, rank, before in missed if options.missed else []:
                 print(f"    {column}: {one} at {rank + 1} after {before}", flush=True)
 

@@ -8,9 +8,11 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from reebase import skeleton
 from reebase.errors import DegenerateMesh, LimitError, MeshError, NoFaces, ParameterError
 from reebase.mesh.mesh import Mesh
 from reebase.skeleton import MAX_BANDS, Skeleton, reeb_graph, reeb_nodes
+from reebase.spectrum import eigenpairs, operator
 from tests.oracles import reeb as oracle
 from tests.shapes import (
     capsule,
@@ -171,6 +173,24 @@ def test_zones_of_a_sphere_have_equal_area():
     graph = reeb_graph(mesh, direction(mesh), 16)
     np.testing.assert_allclose(graph.areas, 4 * np.pi / 16, rtol=3e-3)
     assert len(graph.endpoints) == 2 and graph.cycles == 0
+
+
+def holed(holes):
+    """A bar of unit cubes with so many square holes in a row: genus by construction."""
+    filled = np.ones((2 * holes + 1, 3, 2), dtype=bool)
+    filled[1 : 2 * holes : 2, 1] = False
+    return voxels(filled)
+
+
+@pytest.mark.parametrize("holes", range(6))
+def test_cycles_are_the_genus_from_0_to_5(holes):
+    mesh = holed(holes)
+    assert (len(mesh.vertices) - len(mesh.faces) // 2) == 2 - 2 * holes  # Euler: V - E + F, E = 3F/2
+    phi_2 = eigenpairs(operator(mesh)).fiedler
+    for values in (phi_2, direction(mesh), direction(mesh, 5)):
+        for levels in ("width", "area"):
+            assert reeb_graph(mesh, values, 128, levels).cycles == holes
+    assert skeleton(mesh).cycles == holes
 
 
 @pytest.mark.parametrize("bands", [24, 64, 257])
