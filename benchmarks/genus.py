@@ -60,7 +60,7 @@ def main() -> None:
         for genus, count in sorted(closed.items()):
             print(f"  genus {genus}: {right[genus]} of {count}")
         for title, genus, cycles, pruned, fine in wrong:
-            print(f"  {title}: genus {genus}, cycles {cycles}, pruned {pruned}, at {MAX_BANDS} bands {fine}", flush=True)
+            print(f"  {title}: genus {genus}, cycles {cycles}, pruned {pruned}, at {MAX_BANDS} bands {fine}")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from reebase.mesh import Mesh
 from reebase.mesh.clean import clean
 from reebase.mesh.read import read
 from reebase.mesh.topology import largest_component
-from reebase.skeleton import prune, reeb_graph
+from reebase.skeleton import prune, reeb_graph, rooted
 from reebase.spectrum import eigenpairs, operator
 
 DATA = Path(os.environ.get("REEBASE_DATA", Path(__file__).resolve().parent.parent.parent / "shared" / "data"))
@@ -100,7 +100,7 @@ def main() -> None:
                 ]
                 for saliency, threshold in itertools.product(options.saliency, options.threshold):
                     setting = Setting(kind, levels, bands, saliency, threshold)
-                    features = [endpoint_features(prune(graph, threshold, saliency)) for graph in graphs]
+                    features = [endpoint_features(rooted(prune(graph, threshold, saliency))) for graph in graphs]
                     matrices[name][setting] = dissimilarity_matrix(features, "matching")
                     found = measured(matrices[name][setting], labels)
                     ends = np.mean([len(omega) for omega in features])

@@ -27,7 +27,7 @@ from reebase.mesh.mesh import Mesh
 from reebase.mesh.parts import Parts, links, parts
 from reebase.mesh.read import Limits, read
 from reebase.mesh.topology import compacted
-from reebase.skeleton import LEVELS, MAX_BANDS, SALIENCIES, Skeleton, prune, reeb_graph
+from reebase.skeleton import LEVELS, MAX_BANDS, ROOTS, SALIENCIES, Skeleton, prune, reeb_graph, rooted
 from reebase.spectrum import KINDS as OPERATORS
 from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, linked
 from reebase.spectrum import field as scalar_field
@@ -67,6 +67,7 @@ class Profile:
     operator: "auto", "cotangent" or "tufted", what the stiffness is built from.
     components: "joined", of a surface in several parts the skeletons of all, joined where they are nearest, or
     "largest", that of the largest part by area alone.
+    root: "median", the node with the shortest mean way to the whole surface, or "centroid", as in the thesis.
     """
 
     denoise: str = "finite_volume"
@@ -79,6 +80,7 @@ class Profile:
     area: str = "band"
     operator: str = "auto"
     components: str = "joined"
+    root: str = "median"
 
     def __post_init__(self) -> None:
         """Refuse what no stage could use. Raises UnknownName or ParameterError."""
@@ -89,6 +91,7 @@ class Profile:
             "area": (self.area, AREAS),
             "operator": (self.operator, OPERATORS),
             "components": (self.components, COMPONENTS),
+            "root": (self.root, ROOTS),
         }
         for kind, (name, names) in known.items():
             if name not in names:
@@ -242,7 +245,7 @@ def describe(
         values = scalar_field(profile.field, body, spectrum)
     with clock.stage("skeleton"):
         graph = reeb_graph(body, values, profile.bands, profile.levels, gaps)
-        skeleton = prune(graph, profile.threshold, profile.saliency)
+        skeleton = rooted(prune(graph, profile.threshold, profile.saliency), profile.root)
     with clock.stage("features"):
         features = endpoint_features(skeleton, profile.area)
     field = np.full(len(denoised.vertices), np.nan)
@@ -304,15 +307,16 @@ def skeleton(
     saliency: str = "area",
     operator: str = "auto",
     components: str = "joined",
+    root: str = "median",
 ) -> Skeleton:
     """The pruned spectral Reeb graph of a mesh as it is (METHOD §3, §4): neither cleaned nor denoised.
 
     components: of a surface in several parts "joined" takes all, joined where they are nearest, and "largest" the
     largest by area. ``skeletons_of_parts`` gives that of each. What was read from a file needs ``clean`` first, as the
     triangles of an STL share no vertices.
-    Raises MeshError for a mesh without area, ParameterError for an unknown field, levels, saliency or components, or
-    bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage for a non-manifold
-    mesh without robust-laplacian.
+    Raises MeshError for a mesh without area, ParameterError for an unknown field, levels, saliency, components or
+    root, or bands or a threshold out of range; ComputationError when no eigenpairs are found; MissingPackage for a
+    non-manifold mesh without robust-laplacian.
     """
     if components not in COMPONENTS:
         raise unknown_name("components", components, COMPONENTS)
@@ -321,7 +325,7 @@ def skeleton(
     gaps = links(found) if len(found) > 1 else None
     used = laplacian(body, operator)
     values = scalar_field(field, body, eigenpairs(linked(used, body, gaps) if gaps else used, _pairs(field, body)))
-    return prune(reeb_graph(body, values, bands, levels, gaps), threshold, saliency)
+    return rooted(prune(reeb_graph(body, values, bands, levels, gaps), threshold, saliency), root)
 
 
 def skeletons_of_parts(

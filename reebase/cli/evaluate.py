@@ -73,6 +73,7 @@ def evaluate(
     area: options.Area = options.DEFAULT.area,
     operator: options.Operator = options.DEFAULT.operator,
     components: options.Components = options.DEFAULT.components,
+    root: options.Root = options.DEFAULT.root,
     bootstrap: Annotated[int, typer.Option(help="Resamples for the intervals; 0 for none.", min=0)] = 1000,
     jobs: Annotated[int, typer.Option(help="Processes; 0 for one a core.", min=0)] = 0,
 ) -> None:
@@ -82,7 +83,9 @@ def evaluate(
     others. 2: it could not run.
     """
     chosen = _chosen(descriptor or [ranking_named(None, measure).name], measure, rerank)
-    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components)
+    profile = Profile(
+        denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components, root
+    )
     check_target(json_out)
     kind = check_picture(plot, "svg")
     check_report(report_out)
@@ -195,7 +198,8 @@ def _facts(profile: Profile, shapes: int, without: int) -> dict[str, str]:
         "Shapes": f"{shapes} with a label" + (f", {without} without one took no part" if without else ""),
         "Denoising": filtered,
         "Skeleton": f"field {profile.field}, {profile.bands} bands of equal {profile.levels}, "
-        f"{profile.saliency} below {profile.threshold:g} pruned, node area by {profile.area}",
+        f"{profile.saliency} below {profile.threshold:g} pruned, node area by {profile.area}, "
+        f"root at the {profile.root}",
         "Operator": profile.operator,
         "Parts": "joined where they are nearest" if profile.components == "joined" else "the largest alone",
     }

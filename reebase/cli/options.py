@@ -25,6 +25,7 @@ Operator = Annotated[str, typer.Option(help="Laplace-Beltrami operator: auto, co
 Components = Annotated[
     str, typer.Option(help="Of a shape in several parts: joined, the skeleton of all, or largest, of the largest part.")
 ]
+Root = Annotated[str, typer.Option(help="The root node: median, or centroid as in the thesis.")]
 Labels = Annotated[
     Path | None,
     typer.Option(

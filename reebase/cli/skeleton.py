@@ -31,12 +31,15 @@ def skeleton(
     area: options.Area = options.DEFAULT.area,
     operator: options.Operator = options.DEFAULT.operator,
     components: options.Components = options.DEFAULT.components,
+    root: options.Root = options.DEFAULT.root,
 ) -> None:
     """Skeleton and endpoint features of one mesh; of a mesh in several parts also the skeleton of each (in JSON).
 
     Exit code 0: described. 2: the mesh or an option was refused.
     """
-    profile = Profile(denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components)
+    profile = Profile(
+        denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components, root
+    )
     check_target(json_out)
     kind = check_picture(picture)
     found = describe(mesh, profile)

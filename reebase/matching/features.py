@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -39,7 +37,7 @@ def endpoint_features(skeleton: Skeleton, area: str = "band") -> npt.NDArray[np.
     endpoints = np.asarray(skeleton.endpoints, dtype=np.int64)
     if len(endpoints) == 0:
         return np.zeros((0, 3))
-    paths = _path_lengths(skeleton, np.concatenate([[skeleton.root], endpoints]))[:, endpoints]
+    paths = skeleton.path_lengths(np.concatenate([[skeleton.root], endpoints]))[:, endpoints]
     if not np.isfinite(paths).all():
         raise ComputationError("The skeleton is not connected: an endpoint cannot be reached from the root.")
     from_root = paths[0]
@@ -82,16 +80,3 @@ def as_features(value: Skeleton | npt.ArrayLike, name: str = "features") -> npt.
             parameter=name,
         )
     return features
-
-
-def _path_lengths(skeleton: Skeleton, sources: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
-    """delta from each source to every node, (len(sources), N), infinite where there is no path."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    # An edge given twice, or in both directions, would be added up by the sparse matrix.
-    edges, first = np.unique(np.sort(skeleton.edges, axis=1).reshape(-1, 2), axis=0, return_index=True)
-    count = len(skeleton.positions)
-    ends = (edges[:, 0], edges[:, 1])
-    graph: Any = coo_array((skeleton.lengths[first], ends), shape=(count, count)).tocsr()
-    return np.asarray(dijkstra(graph, directed=False, indices=sources), dtype=np.float64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,7 @@ class Skeleton:
     lengths: Euclidean distance of the nodes of each edge, float64, (E,).
     endpoints: nodes of degree 1, int32, (k,), by decreasing area, ties by decreasing length of their edge,
         then by index.
-    root: the node nearest the mesh's area centroid.
+    root: the node in the middle (``reebase.skeleton.root``); of a graph just made, nearest the area centroid.
     joins: whether an edge is no level curve, but says that two parts of the surface are near, bool, (E,).
     """
 
@@ -90,6 +91,25 @@ class Skeleton:
     def degrees(self) -> npt.NDArray[np.int64]:
         """Number of edges at each node, (N,)."""
         return np.bincount(self.edges.ravel(), minlength=len(self.positions))
+
+    @property
+    def adjacency(self) -> Any:
+        """The lengths of the edges, each once, a sparse matrix (N, N)."""
+        from scipy.sparse import coo_array
+
+        # An edge given twice, or in both directions, would be added up by the sparse matrix.
+        edges, first = np.unique(np.sort(self.edges, axis=1).reshape(-1, 2), axis=0, return_index=True)
+        count = len(self.positions)
+        return coo_array((self.lengths[first], (edges[:, 0], edges[:, 1])), shape=(count, count)).tocsr()
+
+    def path_lengths(self, sources: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.float64]:
+        """delta: length of the shortest path along edges from each source to every node, (len(sources), N).
+
+        Infinite where there is no path.
+        """
+        from scipy.sparse.csgraph import dijkstra
+
+        return np.asarray(dijkstra(self.adjacency, directed=False, indices=sources), dtype=np.float64)
 
     @property
     def cycles(self) -> int:

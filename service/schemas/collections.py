@@ -44,7 +44,13 @@ class ProfileBody(Body):
         "`largest` alone.",
     )
 
-    @field_validator("denoise", "field", "levels", "saliency", "area", "operator", "components")
+    root: Text = Field(
+        _DEFAULT.root,
+        description="The root node: the `median`, with the shortest mean way to the whole surface, or the node nearest "
+        "to the `centroid`, as in the thesis.",
+    )
+
+    @field_validator("denoise", "field", "levels", "saliency", "area", "operator", "components", "root")
     @classmethod
     def _known(cls, name: str, info: ValidationInfo) -> str:
         """Refuse here what the pipeline would."""

@@ -122,7 +122,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
     changes = {
         "denoise": "none", "iterations": 2, "field": "height", "bands": 16, "levels": "width",
         "saliency": "length", "threshold": 0.02, "area": "ring", "operator": "tufted",
-        "components": "largest",
+        "components": "largest", "root": "centroid",
     }  # fmt: skip
     assert set(changes) == set(Profile().to_json())
     keys = {replace(Profile(), **{name: value}).key for name, value in changes.items()} | {Profile().key}
@@ -140,6 +140,7 @@ def test_profile_key_depends_on_every_parameter() -> None:
         ({"area": "acre"}, UnknownName),
         ({"operator": "crane"}, UnknownName),
         ({"components": "most"}, UnknownName),
+        ({"root": "tree"}, UnknownName),
         ({"bands": 1}, ParameterError),
         ({"bands": 10**9}, ParameterError),
         ({"bands": 64.5}, ParameterError),
