@@ -32,6 +32,9 @@ LEAF = 16
 CROWDED = 10.0
 """Vertices with more neighbours than this times sqrt(m) come last: no cut can hold them apart."""
 
+MOST_ENTRIES = 200_000_000
+"""Of L: 1.6 GB. A million vertices of a surface take 80 million."""
+
 FULL = 30.0
 """More entries of L than this times m log2 m mean that the order is bad; surfaces have 2 to 10 times that."""
 
@@ -87,10 +90,19 @@ class Elimination:
         return int(self._dissection.pattern[3][-1])
 
     def factor(self, shift: Array) -> Factor:
-        """L and S of C + diag(shift), shift (m,). Raises ComputationError when a pivot vanishes."""
+        """L and S of C + diag(shift), shift (m,).
+
+        Raises ComputationError when a pivot vanishes, or L would have more than ``MOST_ENTRIES``.
+        """
         from reebase.spectrum.factor_kernels import factorise
 
         made = self._dissection
+        if self.entries > MOST_ENTRIES:
+            raise ComputationError(
+                f"The operator's factor would have {self.entries:,} entries, {MOST_ENTRIES:,} are allowed: the "
+                "surface hangs together too densely, as triangles thrown together at random do.",
+                entries=self.entries, limit=MOST_ENTRIES,
+            )  # fmt: skip
         L, signs, failed = factorise(
             *self._graph, self._values, shift, made.order, *made.pattern, *made.steps, made.height
         )

@@ -69,6 +69,12 @@ def test_a_hub_does_not_fill_the_factor():
     assert Elimination(stiff(HUB), HUB.vertices).factor(np.ones(601)).entries < 40 * 601
 
 
+def test_a_factor_that_no_memory_holds_is_refused_before_it_is_made(monkeypatch):
+    monkeypatch.setattr("reebase.spectrum.factor.MOST_ENTRIES", 100)
+    with pytest.raises(ComputationError, match="100 are allowed"):
+        Elimination(stiff(icosphere(2))).factor(np.ones(162))
+
+
 def test_a_vertex_without_neighbours_is_singular():
     lonely = Mesh(np.concatenate([icosphere(2).vertices, [[9, 9, 9]]]), icosphere(2).faces)
     with pytest.raises(ComputationError, match="vertex 162"):
