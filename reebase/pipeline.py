@@ -139,6 +139,16 @@ class Description:
     seconds: dict[str, float]
     profile: Profile
 
+    def part_skeletons(self) -> list[Skeleton]:
+        """Of a shape in several parts the skeleton of each as if it were alone (``skeletons_of_parts``)."""
+        if "several_components" not in self.health.flags:
+            return []
+        profile = self.profile
+        return skeletons_of_parts(
+            self.denoised, field=profile.field, bands=profile.bands, levels=profile.levels,
+            threshold=profile.threshold, saliency=profile.saliency, operator=profile.operator,
+        )  # fmt: skip
+
     def save(self, file: BinaryIO) -> None:
         """Write the description as one ``.npz`` archive of plain arrays and JSON; nothing is pickled."""
         record = {
@@ -341,9 +351,9 @@ def skeletons_of_parts(
 ) -> list[Skeleton]:
     """The skeleton of each part as if it were alone, by decreasing area, at most ``most`` of them.
 
-    Parameters and errors as of ``skeleton``.
+    Parts without area have none. Parameters and errors as of ``skeleton``.
     """
-    found = parts(mesh)
+    found = _described(parts(mesh), "joined", "fiedler")
     return [
         skeleton(
             found.part(number)[0], field=field, bands=bands, levels=levels, threshold=threshold, saliency=saliency,

@@ -2,7 +2,8 @@
 
 ``store_description(conn, task, description, *, cleaned_sha256, ...) -> Task``: all of it, the
 shape's new state and the task's success in one fenced transaction; the BLOBS are put before.
-``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``health(conn, shape_id)``: raise ResultNotFound.
+``features(conn, shape_id)``, ``skeleton(conn, shape_id)``, ``part_skeletons(conn, shape_id)``,
+``health(conn, shape_id)``: raise ResultNotFound.
 ``labelled(conn, collection_id, profile_key, parts) -> Labelled``: what an evaluation needs.
 
 Arrays are kept little endian, so that a database can move between machines.
@@ -22,7 +23,7 @@ from sqlalchemy import Connection, Table, select
 from reebase.descriptors import Kept
 from reebase.mesh.health import Health
 from reebase.pipeline import PIPELINE_VERSION, Description
-from reebase.skeleton.graph import Skeleton
+from reebase.skeleton.graph import Skeleton, unpack
 from store import descriptors, tables, tasks
 from store.errors import ResultNotFound, StaleClaim
 from store.records import StoredFeatures, StoredHealth, StoredSkeleton, Task
@@ -30,8 +31,8 @@ from store.revision import bump
 from store.sql import insert
 
 __all__ = [
-    "BLOBS", "Labelled", "features", "features_of_bytes", "health", "labelled", "not_described", "skeleton",
-    "skeleton_value", "store_description", "thumbnails",
+    "BLOBS", "Labelled", "features", "features_of_bytes", "graph_value", "health", "labelled", "not_described",
+    "part_skeletons", "skeleton", "skeleton_value", "store_description", "thumbnails",
 ]  # fmt: skip
 
 BLOBS = ("cleaned", "denoised", "display", "thumbnail")
@@ -65,13 +66,15 @@ def store_description(
     display_sha256: str | None = None,
     thumbnail_sha256: str | None = None,
     limbs: bytes | None = None,
+    parts: bytes | None = None,
     kept: Mapping[str, Kept] | None = None,
     refused: Mapping[str, Any] | None = None,
 ) -> Task:
     """Writes what a claimed describe task found, in place of what was known, and ends the task.
 
-    limbs: the skeleton of ``extended`` in bytes; kept: of further descriptors by name; refused: why others found
-    nothing to keep. Raises StaleClaim when the claim is over; let it leave the transaction, so that nothing is written.
+    limbs: the skeleton of ``extended`` in bytes; parts: those of several parts, packed; kept: of further descriptors
+    by name; refused: why others found nothing to keep.
+    Raises StaleClaim when the claim is over; let it leave the transaction, so that nothing is written.
     """
     if task.kind != "describe" or task.shape_id is None or task.collection_id is None:
         raise StaleClaim(f"Task {task.id} does not describe a shape.", task=task.id)
@@ -90,6 +93,7 @@ def store_description(
         "eigenvalues": np.ascontiguousarray(description.eigenvalues, dtype="<f8").tobytes(),
         "cleaned_sha256": cleaned_sha256, "denoised_sha256": denoised_sha256,
         "display_sha256": display_sha256, "thumbnail_sha256": thumbnail_sha256, "limbs": limbs,
+        "parts": parts,
     })  # fmt: skip
     _replace(conn, tables.health, task.shape_id, {
         **version, "report": dataclasses.asdict(description.health), "seconds": dict(description.seconds),
@@ -118,9 +122,24 @@ def skeleton(conn: Connection, shape_id: str) -> StoredSkeleton:
     )  # fmt: skip
 
 
+def part_skeletons(conn: Connection, shape_id: str) -> list[Skeleton]:
+    """The skeleton of each part by itself, by decreasing area. Raises ResultNotFound where they are not kept."""
+    row = _row(conn, tables.skeleton, shape_id)
+    if row["parts"] is not None:
+        return unpack(row["parts"])
+    if "several_components" in health(conn, shape_id).report.flags:
+        raise ResultNotFound("No skeletons of its parts are kept of the shape.", shape=shape_id)
+    return [Skeleton.from_bytes(row["graph"])]
+
+
 def skeleton_value(
     graph: Skeleton, omega: npt.NDArray[np.float64] | None, eigenvalues: npt.NDArray[np.float64]
 ) -> dict[str, Any]:
+    """A skeleton with the first eigenvalues as JSON, omega as of ``graph_value``."""
+    return {**graph_value(graph, omega), "eigenvalues": eigenvalues.tolist()}
+
+
+def graph_value(graph: Skeleton, omega: npt.NDArray[np.float64] | None) -> dict[str, Any]:
     """A skeleton as JSON. omega: of the endpoints in their order, (k, 3); none where the paths have no length."""
     nodes = zip(graph.positions.tolist(), graph.areas.tolist(), graph.bands.tolist(), strict=True)
     edges = zip(graph.edges.tolist(), graph.lengths.tolist(), graph.joins.tolist(), strict=True)
@@ -132,7 +151,7 @@ def skeleton_value(
         "endpoints": [
             {"node": node, "omega": row} for node, row in zip(graph.endpoints.tolist(), rows, strict=True)
         ],
-        "root": int(graph.root), "cycles": int(graph.cycles), "eigenvalues": eigenvalues.tolist(),
+        "root": int(graph.root), "cycles": int(graph.cycles),
     }  # fmt: skip
 
 

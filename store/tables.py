@@ -256,6 +256,8 @@ skeleton = Table(
     Column("display_sha256", Text),
     # The skeleton whose endpoints `extended` matches, as npz; none where that is not kept.
     Column("limbs", LargeBinary),
+    # Of a shape in several parts the skeleton of each by itself, packed.
+    Column("parts", LargeBinary),
     CheckConstraint("length(cleaned_sha256) = 64", name="skeleton_cleaned_sha256_length"),
     CheckConstraint("length(denoised_sha256) = 64", name="skeleton_denoised_sha256_length"),
     CheckConstraint(

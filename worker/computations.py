@@ -13,6 +13,7 @@ import socket
 import time
 import zipfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -43,7 +44,8 @@ def describe(
     arguments: ``format`` (or None: sniffed), ``profile``, ``limits``, ``descriptors``. outputs: ``description`` (a
     saved Description without its meshes and field); where they are asked for ``cleaned`` and ``denoised`` (PLY, the
     latter with the field as ``phi2``); what a page draws: ``display`` (GLB), ``thumbnail`` (PNG) and ``limbs`` (the
-    skeleton of ``extended``, empty where that keeps nothing); and ``kept``: what the descriptors keep of it, and what
+    skeleton of ``extended``, empty where that keeps nothing); ``parts`` (the skeleton of each of several parts, packed,
+    empty where there is one or one of them has none); and ``kept``: what the descriptors keep of it, and what
     duplicates are sought by where they name ``duplicates``.
     Answers which of these could not describe the mesh, as ``refused``.
     """
@@ -54,6 +56,7 @@ def describe(
     from reebase.mesh.write import to_bytes
     from reebase.pictures.display import clustered, display_glb
     from reebase.pictures.thumbnail import thumbnail
+    from reebase.skeleton.graph import pack
 
     description = pipeline.describe(
         source.read(), pipeline.Profile(**arguments["profile"]),
@@ -76,6 +79,10 @@ def describe(
                 refused["duplicates"] = ComputationError(f"No copies can be sought of the shape: {lacked}")
         kept.save(outputs["kept"], found)
         seconds = {**seconds, "descriptors": time.perf_counter() - start}
+    if "parts" in outputs:
+        # The whole has been described: that a part by itself cannot be is no failure.
+        with suppress(ReebaseError, MemoryError):
+            outputs["parts"].write(pack(description.part_skeletons()))
     if outputs.keys() & {"cleaned", "denoised", "display", "thumbnail"}:
         progress("write", 0.95)
     if "cleaned" in outputs:

@@ -9,7 +9,7 @@ import typer
 
 from reebase.cli import options
 from reebase.cli.output import STDOUT, check_picture, check_target, print_table, results, shown, write_bytes, write_json
-from reebase.pipeline import Description, Profile, describe, skeletons_of_parts
+from reebase.pipeline import Description, Profile, describe
 from reebase.skeleton import Skeleton
 from reebase.words import counted
 
@@ -43,7 +43,7 @@ def skeleton(
     check_target(json_out)
     kind = check_picture(picture)
     found = describe(mesh, profile)
-    parts = _parts(found)
+    parts = found.part_skeletons()
     if json_out is not None:
         write_json(json_out, _to_json(found, parts))
     if picture is not None:
@@ -65,17 +65,6 @@ def _graph(graph: Skeleton) -> dict[str, object]:
         "endpoints": graph.endpoints.tolist(),
         "root": graph.root,
     }
-
-
-def _parts(found: Description) -> list[Skeleton]:
-    """Of a shape in several parts the skeleton of each by itself."""
-    if "several_components" not in found.health.flags:
-        return []
-    profile = found.profile
-    return skeletons_of_parts(
-        found.denoised, field=profile.field, bands=profile.bands, levels=profile.levels, threshold=profile.threshold,
-        saliency=profile.saliency, operator=profile.operator,
-    )  # fmt: skip
 
 
 def _to_json(found: Description, parts: list[Skeleton]) -> dict[str, object]:

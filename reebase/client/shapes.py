@@ -98,6 +98,11 @@ class ShapeCalls(TaskCalls):
         """
         return self._get(received.skeleton_of, f"{shape_path(collection, shape)}/skeleton?of={quote(of, safe='')}")
 
+    def part_skeletons(self, collection: str, shape: str) -> list[Skeleton]:
+        """The skeleton of each part of a shape as if it were alone, the largest first, 100 at most."""
+        path = shape_path(collection, shape) + "/skeletons"
+        return self._get(lambda found: [received.skeleton_of(one) for one in found["items"]], path)
+
     def field(self, collection: str, shape: str) -> npt.NDArray[np.float64]:
         """phi_2 at each vertex of the denoised mesh, (m,); NaN off its largest component."""
         return self._get(received.field_of, shape_path(collection, shape) + "/field")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import io
+import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Skeleton"]
+__all__ = ["Skeleton", "pack", "unpack"]
 
 
 _ARRAYS = ("positions", "areas", "ring_areas", "bands", "edges", "lengths", "endpoints", "joins")
@@ -119,3 +121,20 @@ class Skeleton:
     def __repr__(self) -> str:
         counts = len(self.positions), len(self.edges), len(self.endpoints)
         return "Skeleton({} nodes, {} edges, {} endpoints)".format(*counts)
+
+
+def pack(skeletons: Sequence[Skeleton]) -> bytes:
+    """Several skeletons in one string of bytes: of each its length (64 bits, little endian) and ``to_bytes``."""
+    stored = [one.to_bytes() for one in skeletons]
+    return b"".join(struct.pack("<Q", len(one)) + one for one in stored)
+
+
+def unpack(stored: bytes) -> list[Skeleton]:
+    """The inverse of ``pack``."""
+    found, at = [], 0
+    while at < len(stored):
+        (length,) = struct.unpack_from("<Q", stored, at)
+        at += 8
+        found.append(Skeleton.from_bytes(stored[at : at + length]))
+        at += length
+    return found

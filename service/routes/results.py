@@ -15,7 +15,7 @@ from service.context import Context, Here
 from service.downloads import file_response
 from service.routes.about import WRITTEN
 from service.routes.common import CollectionPath, IdPath, SkeletonOf, api_router, open_collection
-from service.schemas.shapes import FeaturesValue, FieldValue, HealthValue, SkeletonValue
+from service.schemas.shapes import FeaturesValue, FieldValue, HealthValue, PartSkeletonsValue, SkeletonValue
 from store import results, shapes
 from store.errors import ResultNotFound
 from store.records import Shape, StoredSkeleton
@@ -72,6 +72,29 @@ def get_skeleton(
     return _json({
         "shape": found.id, "profile_key": stored.profile_key, "pipeline_version": stored.pipeline_version,
         **results.skeleton_value(graph, omega, stored.eigenvalues),
+    })  # fmt: skip
+
+
+@router.get(
+    f"{_SHAPE}/skeletons", operation_id="getPartSkeletons", summary="Skeletons of the parts",
+    response_model=PartSkeletonsValue,
+)  # fmt: skip
+def get_part_skeletons(here: Here, principal: Reader, collection: CollectionPath, shape: IdPath) -> Response:
+    """Of a shape in several parts the skeleton of each by itself, the largest first; of one part just that.
+
+    `/skeleton` is of all parts, joined where they are near, or of the largest, as the collection's profile says.
+    """
+    from reebase.matching.features import endpoint_features
+
+    with here.database.read() as conn:
+        opened = open_collection(conn, principal, collection)
+        found = shapes.get(conn, opened.id, shape)
+        stored = results.skeleton(conn, found.id)
+        graphs = results.part_skeletons(conn, found.id)
+    area = opened.profile["area"]
+    return _json({
+        "shape": found.id, "profile_key": stored.profile_key, "pipeline_version": stored.pipeline_version,
+        "items": [results.graph_value(graph, endpoint_features(graph, area)) for graph in graphs],
     })  # fmt: skip
 
 

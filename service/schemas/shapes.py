@@ -107,17 +107,31 @@ class Endpoint(Value):
     )
 
 
-class SkeletonValue(Value):
-    """The pruned spectral Reeb graph of the denoised mesh: of all its parts, joined, or of the largest alone."""
+class Graph(Value):
+    """A pruned spectral Reeb graph."""
 
-    shape: str | None = Field(description="Null for the mesh of a query.")
-    profile_key: str
-    pipeline_version: int
     nodes: list[Node]
     edges: list[Edge]
     endpoints: list[Endpoint]
     root: int
     cycles: int
+
+
+class PartSkeletonsValue(Value):
+    """The skeleton of each part of the denoised mesh as if it were alone, the largest part first, 100 at most."""
+
+    shape: str
+    profile_key: str
+    pipeline_version: int
+    items: list[Graph]
+
+
+class SkeletonValue(Graph):
+    """The pruned spectral Reeb graph of the denoised mesh: of all its parts, joined, or of the largest alone."""
+
+    shape: str | None = Field(description="Null for the mesh of a query.")
+    profile_key: str
+    pipeline_version: int
     eigenvalues: list[float] = Field(description="The first of the Laplace–Beltrami operator at unit area.")
 
 

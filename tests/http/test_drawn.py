@@ -11,7 +11,7 @@ from reebase.mesh.read import read, read_scalars
 from reebase.mesh.write import to_bytes
 from tests.http.test_main_job import ended, indexed, uploaded
 from tests.http.test_problems import is_problem
-from tests.shapes import capsule, moved
+from tests.shapes import capsule, icosphere, moved
 from tests.unit.test_drawing import glb
 
 MESH = capsule(length=3.0)
@@ -80,6 +80,28 @@ def test_the_skeleton_of_extended_ends_where_extended_matches(http: httpx.Client
     distances = np.linalg.norm(ends[:, None] - np.array(matched["positions"])[None], axis=2)
     assert distances.argmin(axis=1).tolist() == list(range(len(ends)))
     is_problem(http.get(f"{shape}/skeleton", params={"of": "ghost"}), 422, "validation_error")
+
+
+def test_each_part_of_a_shape_has_a_skeleton_of_its_own(http: httpx.Client, collection: str, shape: str) -> None:
+    low, high = icosphere(3), icosphere(2)
+    apart = Mesh(
+        np.concatenate([low.vertices * (1, 1, 3), high.vertices * (2, 1, 1) + (0, 8, 0)]),
+        np.concatenate([low.faces, high.faces + len(low.vertices)]),
+    )
+    both = uploaded(http, collection, apart)
+    ended(http, http.get(both).json()["task"])
+    whole, parts = http.get(f"{both}/skeleton").json(), http.get(f"{both}/skeletons").json()["items"]
+    assert sum(edge["join"] for edge in whole["edges"]) >= 1
+    assert [len(part["endpoints"]) for part in parts] == [2, 2]
+    # Each by itself ends at its own two tips, the larger first.
+    ends = [[part["nodes"][end["node"]]["position"] for end in part["endpoints"]] for part in parts]
+    for found, wanted in zip(ends, [[(0, 0, -3), (0, 0, 3)], [(-2, 8, 0), (2, 8, 0)]], strict=True):
+        assert np.array(sorted(found)) == pytest.approx(np.array(wanted), abs=0.5)
+    assert not any(edge["join"] for part in parts for edge in part["edges"])
+    assert all(end["omega"] for part in parts for end in part["endpoints"])
+    one = http.get(f"{shape}/skeletons").json()["items"]
+    whole = http.get(f"{shape}/skeleton").json()
+    assert one == [{name: whole[name] for name in one[0]}]
 
 
 def test_the_mesh_of_a_query_is_drawn_as_long_as_its_task_is_kept(http: httpx.Client, shape: str) -> None:

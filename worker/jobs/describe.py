@@ -23,20 +23,21 @@ def run(tools: Tools, claim: Claim) -> None:
         before = descriptors.names_of(conn, shape.id)
     wanted = {*tools.settings.descriptors, *task.params.get("descriptors", ()), *before}
     with tools.described(
-        claim, shape.sha256, collection.profile, format=shape.format, outputs=(*results.BLOBS, "limbs"),
+        claim, shape.sha256, collection.profile, format=shape.format, outputs=(*results.BLOBS, "limbs", "parts"),
         descriptors=[descriptors.DUPLICATES, *(name for name in DESCRIPTORS if name in wanted)],
     ) as finished:  # fmt: skip
         faults.point("worker.child_done")
         description = Description.load(finished.files["description"])
         found = kept.load(finished.files["kept"])
         limbs = finished.files["limbs"].read() or None
+        parts = finished.files["parts"].read() or None
         with claim.kept():
             blobs = {name: tools.blobs.put_if_absent(pieces(finished.files[name])) for name in results.BLOBS}
     faults.point("worker.blobs_stored")
     with tools.database.write() as conn:
         results.store_description(
             conn, task, description, cleaned_sha256=blobs["cleaned"], denoised_sha256=blobs["denoised"],
-            display_sha256=blobs["display"], thumbnail_sha256=blobs["thumbnail"], limbs=limbs, kept=found,
-            refused=finished.answer["refused"],
+            display_sha256=blobs["display"], thumbnail_sha256=blobs["thumbnail"], limbs=limbs, parts=parts,
+            kept=found, refused=finished.answer["refused"],
         )  # fmt: skip
     faults.point("worker.rows_committed")

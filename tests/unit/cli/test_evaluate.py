@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reebase.cli import describing
@@ -61,9 +62,14 @@ def test_what_ranks_queries_is_evaluated_by_default(command: Command, folder: Pa
 
 
 def test_the_matrix_is_there_when_asked_for_and_jobs_change_nothing(command: Command, folder: Path) -> None:
-    one = report_of(command, folder, "--matrix", "--jobs", 1)
-    two = report_of(command, folder, "--matrix", "--jobs", 2)
+    one = report_of(command, folder, "--matrix", "--measure", "matching", "--jobs", 1)
+    two = report_of(command, folder, "--matrix", "--measure", "matching", "--jobs", 2)
     assert one == two
+    # Further descriptors go through linear algebra whose sums depend on its threads, and are kept in 24 bits.
+    fused = [report_of(command, folder, "--matrix", "--jobs", jobs) for jobs in (1, 2)]
+    values = [np.array(report["matrix"].pop("values")) for report in fused]
+    assert values[0] == pytest.approx(values[1], rel=1e-5)
+    assert fused[0] == fused[1]
     ids = [f"{label}/{n}.{kind}" for label, kind in (("capsules", "off"), ("tori", "ply")) for n in range(3)]
     assert one["matrix"]["ids"] == ids
     assert [len(row) for row in one["matrix"]["values"]] == [6] * 6

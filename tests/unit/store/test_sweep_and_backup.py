@@ -397,7 +397,7 @@ def test_uploads_that_race_with_the_end_of_queries_never_lose_what_they_named(
 LATER = """
 from alembic import op
 
-revision, down_revision, branch_labels, depends_on = "9001", "0002", None, None
+revision, down_revision, branch_labels, depends_on = "9001", "0003", None, None
 
 
 def upgrade() -> None:
@@ -418,8 +418,8 @@ def test_an_older_schema_is_backed_up_as_it_is_and_migrated_when_restored(
         migrate.check(settings.database_url)
     migrate.check(settings.database_url, any_schema=True)
     made = backup(database, blobs, tmp_path / "backup")
-    assert (made.schema, set(made.blobs)) == ("0002", set(full.values()))
-    assert migrate.current(settings.database_url) == "0002"
+    assert (made.schema, set(made.blobs)) == ("0003", set(full.values()))
+    assert migrate.current(settings.database_url) == "0003"
     assert [path.name for path in (tmp_path / "backup").iterdir() if path.is_dir()] == ["blobs"]
     there = Settings(home=tmp_path / "elsewhere")
     restore(tmp_path / "backup", there)

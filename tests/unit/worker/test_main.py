@@ -142,7 +142,7 @@ def test_results_that_are_written_slowly_keep_the_claim(worker, monkeypatch, com
     files = dict.fromkeys([*describe.results.BLOBS, "description", "kept", "report", "matrix"])
     finished = SimpleNamespace(files=files, answer={"refused": {}})
     finished.files["report"] = io.BytesIO(b"{}")
-    finished.files["limbs"] = io.BytesIO()
+    finished.files["limbs"], finished.files["parts"] = io.BytesIO(), io.BytesIO()
     another = []
 
     def put_if_absent(pieces):
