@@ -34,7 +34,7 @@ def by_area(mesh: Mesh, values: Array) -> Array:
     counts as below it. Equal values get equal shares, and those of -values are 1 less these. So the order of the
     vertices, and with it the Reeb graph before it is cut into bands, stays what it was.
     """
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)  # equal values share a step, in whatever order they come
     ordered = values[order]
     fresh = np.concatenate([[True], np.diff(ordered) > TIE * (ordered[-1] / 2 - ordered[0] / 2)])
     heights = ordered[fresh]
