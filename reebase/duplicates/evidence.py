@@ -76,7 +76,8 @@ def compared(first: Surface, second: Surface) -> Evidence | None:
     fits = best_similarities(first, second)
     if not fits:
         return None
-    turned = [*(_by_vertices(one, first, second) for one in fits), *by_order[1:]]
+    # By order comes first: with noise a symmetric shape lies as well on itself the other way round, on other triangles.
+    turned = [*by_order[:1], *(_by_vertices(one, first, second) for one in fits), *by_order[1:]]
     ways = [*plain, *turned]
     residuals = [_residuals(one, first, second) for one in ways]
     best = min(range(len(ways)), key=lambda way: residuals[way][0])

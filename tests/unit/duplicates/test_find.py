@@ -94,6 +94,15 @@ def test_a_mirror_image_is_told_from_a_turn_and_a_symmetric_shape_from_neither(h
     assert "mirrored" not in finding.classes
 
 
+def test_noise_on_a_symmetric_shape_is_no_other_triangles() -> None:
+    # A bar lies on itself the other way round as well, but there its triangles do not.
+    bar = capsule(3, nu=17, nv=8, along=19)
+    bar = Mesh(bar.vertices * [1.0, 1.5, 1.0], bar.faces)
+    copy = DISTURBANCES["noisy"](bar, np.random.default_rng(1))
+    (finding,) = find_duplicates([Shape.of("a", bar), Shape.of("b", copy)])
+    assert "noisy" in finding.classes and "remeshed" not in finding.classes, finding.words
+
+
 def test_poses_and_kin_are_no_duplicates() -> None:
     shapes = [Shape.of(f"{label}-{i}", drawn(label, i)) for label in ("hands", "humans") for i in range(3)]
     shapes.append(Shape.of("capsule", capsule(4)))
