@@ -189,7 +189,7 @@ class Rings:
         Where the boundary passes a vertex more than once, or ends there, both neighbours are the vertex
         itself.
         """
-        if self.closed[self.degrees > 0].all():
+        if (self.closed | (self.degrees == 0)).all():
             return np.empty(0, dtype=np.int32), np.empty((0, 2), dtype=np.int32)
         rim = np.flatnonzero(self.shared == 1)
         source = np.searchsorted(self.neighbour_starts, rim, side="right") - 1
