@@ -264,7 +264,10 @@ def scales(
     mean of its squares."""
     slots, columns = offsets.shape
     if robust:
-        scratch[:] = offsets
+        # Not scratch[:] = offsets, whose check of shapes takes numba five seconds to compile.
+        for k in range(slots):
+            for v in range(columns):
+                scratch[k, v] = offsets[k, v]
         medians(scratch, result)
         for k in range(slots):
             for v in range(columns):
@@ -376,16 +379,15 @@ def finite_volume_step(
     for i in range(len(positions)):
         members[cursor[kinds[i]]] = i
         cursor[kinds[i]] += 1
-    for kind in range(2 * SLOTS):
-        if ends[kind] < ends[kind + 1]:
+    # One call for all, as what is called is compiled into each call.
+    for kind in range(groups - 1):
+        start, large = ends[kind], kind == 2 * SLOTS
+        while start < ends[kind + 1]:
+            end = start + 1 if large else ends[kind + 1]
+            slots = corner_starts[members[start] + 1] - corner_starts[members[start]]
             moved_members(
-                positions, areas, members[ends[kind] : ends[kind + 1]], kind // 2 + 1, BLOCK, kind % 2 == 1,
+                positions, areas, members[start:end], slots, 1 if large else BLOCK, kind % 2 == 1,
                 corner_starts, ring, neighbour_starts, neighbours, floor, minor, robust, anisotropic, displacements,
             )  # fmt: skip
-    for place in range(ends[2 * SLOTS], ends[2 * SLOTS + 1]):
-        size = corner_starts[members[place] + 1] - corner_starts[members[place]]
-        moved_members(
-            positions, areas, members[place : place + 1], size, 1, False,
-            corner_starts, ring, neighbour_starts, neighbours, floor, minor, robust, anisotropic, displacements,
-        )  # fmt: skip
+            start = end
     return displacements
