@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from reebase.denoise import METHODS, denoise
-from reebase.errors import FormatError, ParameterError, unknown_name
+from reebase.errors import ComputationError, FormatError, LimitError, ParameterError, unknown_name
 from reebase.matching.features import AREAS, endpoint_features
 from reebase.mesh.clean import clean
 from reebase.mesh.health import Health
@@ -245,17 +245,15 @@ def describe(
         # A filter can flatten a sliver that cleaning let pass: parts are those of what is left.
         every = parts(denoised)
         found = _described(every, profile.components, profile.field)
-        body, kept = compacted(denoised.vertices, found.mesh.faces)
-    with clock.stage("operator"):
-        gaps = links(found) if len(found) > 1 else None
-        used = laplacian(body, profile.operator)
-        body_operator = linked(used, body, gaps) if gaps else used
-    with clock.stage("eigenpairs"):
-        spectrum = eigenpairs(body_operator, _pairs(profile.field, body))
-        values = scalar_field(profile.field, body, spectrum)
-    with clock.stage("skeleton"):
-        graph = reeb_graph(body, values, profile.bands, profile.levels, gaps)
-        skeleton = rooted(prune(graph, profile.threshold, profile.saliency), profile.root)
+    try:
+        made = _skeletonised(found, profile, clock)
+    except (ComputationError, LimitError, MemoryError):
+        if len(found) == 1:
+            raise
+        # Thousands of parts thrown together touch everywhere: joined they are no surface, and each of them still is.
+        found = every.largest(1)
+        made = _skeletonised(found, profile, clock)
+    body_operator, spectrum, values, kept, skeleton = made
     with clock.stage("features"):
         features = endpoint_features(skeleton, profile.area)
     field = np.full(len(denoised.vertices), np.nan)
@@ -272,6 +270,32 @@ def describe(
         seconds=clock.seconds,
         profile=profile,
     )
+
+
+class _Skeletonised(NamedTuple):
+    """Of the parts that are described: operator, eigenpairs, the field, which vertices have it, and the skeleton."""
+
+    operator: Operator
+    spectrum: Spectrum
+    values: npt.NDArray[np.float64]
+    kept: npt.NDArray[np.int32]
+    skeleton: Skeleton
+
+
+def _skeletonised(found: Parts, profile: Profile, clock: _Clock) -> _Skeletonised:
+    """From the parts to their skeleton. Raises as ``describe``, and MemoryError."""
+    body, kept = compacted(found.mesh.vertices, found.mesh.faces)
+    with clock.stage("operator"):
+        gaps = links(found) if len(found) > 1 else None
+        used = laplacian(body, profile.operator)
+        body_operator = linked(used, body, gaps) if gaps else used
+    with clock.stage("eigenpairs"):
+        spectrum = eigenpairs(body_operator, _pairs(profile.field, body))
+        values = scalar_field(profile.field, body, spectrum)
+    with clock.stage("skeleton"):
+        graph = reeb_graph(body, values, profile.bands, profile.levels, gaps)
+        skeleton = rooted(prune(graph, profile.threshold, profile.saliency), profile.root)
+    return _Skeletonised(body_operator, spectrum, values, kept, skeleton)
 
 
 def _described(every: Parts, components: str, field: str) -> Parts:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from reebase import describe, dissimilarity, read, skeleton, write
-from reebase.errors import FormatError, NoFaces, ParameterError, UnknownName
+from reebase.errors import ComputationError, FormatError, LimitError, NoFaces, ParameterError, UnknownName
 from reebase.mesh import Mesh, to_bytes
 from reebase.pipeline import STAGES, Description, Profile
 from reebase.warm import sample
-from tests.shapes import grid, icosphere, torus
+from tests.shapes import grid, icosphere, joined, moved, tetrahedron, torus
 
 PLAIN = Profile(denoise="none", bands=64)
 
@@ -160,3 +160,20 @@ def test_a_profile_that_no_stage_could_use_is_refused(change, error) -> None:
 def test_a_mesh_without_faces_is_refused() -> None:
     with pytest.raises(NoFaces):
         describe(Mesh(np.zeros((3, 3)), np.zeros((0, 3), dtype=np.int32)))
+
+
+@pytest.mark.parametrize("trouble", [ComputationError("too dense"), LimitError("too many"), MemoryError()])
+def test_parts_that_cannot_be_joined_leave_the_largest(trouble: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise trouble
+
+    whole = sample()
+    both = joined(whole, moved(tetrahedron(), [9, 0, 0], scale=0.1))
+    expected = describe(both, Profile(components="largest"))
+    monkeypatch.setattr("reebase.pipeline.linked", refuse)
+    found = describe(both)
+    assert "largest_component_only" in found.health.flags and "joined_components" not in found.health.flags
+    np.testing.assert_array_equal(found.features, expected.features)
+    monkeypatch.setattr("reebase.pipeline.eigenpairs", refuse)
+    with pytest.raises(type(trouble)):
+        describe(whole)
