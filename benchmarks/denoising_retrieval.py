@@ -25,7 +25,7 @@ from reebase.errors import ReebaseError
 from reebase.evaluation.measures import evaluate
 from reebase.mesh import Mesh, clean, read
 from reebase.pipeline import Profile, describe
-from reebase.ranking import FUSED, PARTS, fuse, fused_matrix, query_scales, statistics
+from reebase.ranking import FUSED, PARTS, fuse, fused_matrix, statistics
 
 NAMES = ("srg", *PARTS)
 SHOWN = ("srg", "extended", FUSED)
@@ -74,10 +74,11 @@ def across(originals: list[Kept], copies: list[Kept]) -> dict[str, np.ndarray]:
     count = len(originals)
     parts = {name: descriptor_named(name).distances([one[name] for one in [*originals, *copies]]) for name in NAMES}
     known = statistics({part: parts[part][:count, :count] for part in PARTS}, np.arange(count))
+    outside = statistics({part: parts[part][count:, :count] for part in PARTS}, np.full(count, -1))
     fused = []
-    for row in range(count, 2 * count):
-        rows = {part: parts[part][row, :count] for part in PARTS}
-        fused.append(fuse(rows, query_scales(rows), known).dissimilarities)
+    for row in range(count):
+        own = {part: float(outside.scales[part][row]) for part in PARTS}
+        fused.append(fuse({part: parts[part][count + row, :count] for part in PARTS}, own, known).dissimilarities)
     return {**{name: parts[name][count:, :count] for name in ("srg", "extended")}, FUSED: np.array(fused)}
 
 
