@@ -33,7 +33,10 @@ from reebase.spectrum import Operator, Spectrum, eigenpairs, eigenpairs_needed, 
 from reebase.spectrum import field as scalar_field
 from reebase.spectrum import operator as laplacian
 
-__all__ = ["PIPELINE_VERSION", "STAGES", "Description", "Profile", "describe", "skeleton", "skeletons_of_parts"]
+__all__ = [
+    "PIPELINE_VERSION", "PROFILES", "STAGES", "Description", "Profile", "describe", "profile_named", "skeleton",
+    "skeletons_of_parts",
+]  # fmt: skip
 
 PIPELINE_VERSION = 5
 """Raised whenever the same mesh and profile would give other numbers, or more is kept of a shape; nothing is compared
@@ -118,6 +121,21 @@ class Profile:
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
 
+PROFILES = {
+    "default": Profile(),
+    "thesis": Profile(bands=64, levels="width", components="largest", root="centroid"),
+}
+"""Profiles by name. "thesis": Kacem's reading of each step, one iteration of the finite-volume filter
+(3.5), 64 bands of equal width in phi_2, the largest component, the root nearest the area centroid (Figure 4.12)."""
+
+
+def profile_named(name: str) -> Profile:
+    """One of PROFILES. Raises UnknownName."""
+    if name not in PROFILES:
+        raise unknown_name("profile", name, PROFILES)
+    return PROFILES[name]
+
+
 @dataclass(frozen=True, eq=False)
 class Description:
     """Everything that the pipeline learns about one mesh.
@@ -146,7 +164,7 @@ class Description:
         profile = self.profile
         return skeletons_of_parts(
             self.denoised, field=profile.field, bands=profile.bands, levels=profile.levels,
-            threshold=profile.threshold, saliency=profile.saliency, operator=profile.operator,
+            threshold=profile.threshold, saliency=profile.saliency, operator=profile.operator, root=profile.root,
         )  # fmt: skip
 
     def save(self, file: BinaryIO) -> None:
@@ -371,6 +389,7 @@ def skeletons_of_parts(
     threshold: float = 0.01,
     saliency: str = "area",
     operator: str = "auto",
+    root: str = "median",
     most: int = 100,
 ) -> list[Skeleton]:
     """The skeleton of each part as if it were alone, by decreasing area, at most ``most`` of them.
@@ -381,7 +400,7 @@ def skeletons_of_parts(
     return [
         skeleton(
             found.part(number)[0], field=field, bands=bands, levels=levels, threshold=threshold, saliency=saliency,
-            operator=operator,
+            operator=operator, root=root,
         )
         for number in range(min(len(found), most))
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""The skeleton of each part of a shape; collections of before stay with the largest part."""
+"""The skeleton of each part of a shape; collections of before keep the largest part and the centroid as root."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ down_revision = "0002"
 branch_labels = None
 depends_on = None
 
+_BEFORE = {"components": "largest", "root": "centroid"}
+
 
 def upgrade() -> None:
-    # The skeleton was of the largest part before profiles said so; a later default must not change these.
-    _profiles(lambda profile: {"components": "largest", **profile})
+    # So it was before profiles said so; a later default must not change these.
+    _profiles(lambda profile: {**_BEFORE, **profile})
     op.add_column("skeleton", sa.Column("parts", sa.LargeBinary(), nullable=True))
 
 
 def downgrade() -> None:
-    _profiles(lambda profile: {name: value for name, value in profile.items() if name != "components"})
+    _profiles(lambda profile: {name: value for name, value in profile.items() if name not in _BEFORE})
     op.drop_column("skeleton", "parts")
 
 

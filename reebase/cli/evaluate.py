@@ -40,6 +40,7 @@ ALL = "all"
 
 
 def evaluate(
+    context: typer.Context,
     folder: Annotated[Path, typer.Argument(help="A folder of mesh files; hidden ones are passed over.", metavar="DIR")],
     labels: options.Labels = None,
     descriptor: Annotated[
@@ -63,6 +64,7 @@ def evaluate(
             help="Write a report to this folder: index.html, which any browser shows, report.json and the plots.",
         ),
     ] = None,
+    profile: options.Named = "default",
     bands: options.Bands = options.DEFAULT.bands,
     denoise: options.Denoise = options.DEFAULT.denoise,
     iterations: options.Iterations = options.DEFAULT.iterations,
@@ -83,9 +85,7 @@ def evaluate(
     others. 2: it could not run.
     """
     chosen = _chosen(descriptor or [ranking_named(None, measure).name], measure, rerank)
-    profile = Profile(
-        denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components, root
-    )
+    chosen_profile = options.profile(context, profile)
     check_target(json_out)
     kind = check_picture(plot, "svg")
     check_report(report_out)
@@ -100,7 +100,7 @@ def evaluate(
     names = {path: shown(path.relative_to(folder).as_posix()) for path in labelled}
     with progress() as begin:
         parts = list(dict.fromkeys(part for one in chosen for part in one.parts))
-        outcomes = _described(labelled, profile, parts, jobs, begin)
+        outcomes = _described(labelled, chosen_profile, parts, jobs, begin)
         kept = {path: one for path, one in outcomes.items() if isinstance(one, Kept)}
         entries = _compared(kept, chosen, [found.of[path] for path in kept], [names[path] for path in kept],
                             bootstrap, begin)  # fmt: skip
@@ -108,12 +108,12 @@ def evaluate(
         failed |= {shown(name): Refusal("file_not_found", ABSENT) for name in found.absent}
         without = len(files) - len(labelled)
         if report_out is not None:
-            facts = _facts(profile, len(kept), without)
+            facts = _facts(chosen_profile, len(kept), without)
             report = report_of(folder, entries, kept, {names[path]: path for path in kept}, facts, failed, begin)
             write_report(report, report_out, begin)
     if json_out is not None:
         common = {
-            "profile": profile.to_json(), "shapes": len(kept), "without_label": without,
+            "profile": chosen_profile.to_json(), "shapes": len(kept), "without_label": without,
             "failed": {name: {"code": one.code, "detail": one.detail} for name, one in sorted(failed.items())},
         }  # fmt: skip
         write_json(json_out, _record(common, entries, matrix))

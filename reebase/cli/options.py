@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from reebase.denoise import METHODS
-from reebase.pipeline import Profile
+from reebase.pipeline import PROFILES, Profile, profile_named
 
 DEFAULT = Profile()
 URL = "http://127.0.0.1:8000"
 
+Named = Annotated[
+    str,
+    typer.Option("--profile", help=f"Where an option is not given, its value is from: {' or '.join(PROFILES)}."),
+]
 Bands = Annotated[int, typer.Option(help="Bands of the Reeb graph.", min=2, max=1024)]
 Levels = Annotated[str, typer.Option(help="Bands of equal area, or of equal width in the field: area or width.")]
 Denoise = Annotated[str, typer.Option(help=f"Denoising filter: none, {', '.join(sorted(METHODS))}.")]
@@ -41,3 +46,13 @@ Key = Annotated[
     str | None,
     typer.Option(help="API key, where the service wants one.", envvar="REEBASE_API_KEY", show_envvar=True),
 ]
+
+
+def profile(context: typer.Context, named: str) -> Profile:
+    """The named profile with the parameters that were given on the command line. Raises UnknownName, ParameterError."""
+    given = {
+        field.name: context.params[field.name]
+        for field in dataclasses.fields(Profile)
+        if (source := context.get_parameter_source(field.name)) is not None and source.name != "DEFAULT"
+    }
+    return dataclasses.replace(profile_named(named), **given)

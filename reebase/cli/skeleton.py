@@ -9,7 +9,7 @@ import typer
 
 from reebase.cli import options
 from reebase.cli.output import STDOUT, check_picture, check_target, print_table, results, shown, write_bytes, write_json
-from reebase.pipeline import Description, Profile, describe
+from reebase.pipeline import Description, describe
 from reebase.skeleton import Skeleton
 from reebase.words import counted
 
@@ -18,9 +18,11 @@ SHOWN = 12
 
 
 def skeleton(
+    context: typer.Context,
     mesh: Annotated[Path, typer.Argument(help="A mesh file.", exists=True, dir_okay=False)],
     picture: Annotated[Path | None, typer.Option(help="Write a picture here (.png or .svg).")] = None,
     json_out: options.JsonOut = None,
+    profile: options.Named = "default",
     bands: options.Bands = options.DEFAULT.bands,
     denoise: options.Denoise = options.DEFAULT.denoise,
     iterations: options.Iterations = options.DEFAULT.iterations,
@@ -37,12 +39,10 @@ def skeleton(
 
     Exit code 0: described. 2: the mesh or an option was refused.
     """
-    profile = Profile(
-        denoise, iterations, field, bands, levels, saliency, threshold, area, operator, components, root
-    )
+    chosen_profile = options.profile(context, profile)
     check_target(json_out)
     kind = check_picture(picture)
-    found = describe(mesh, profile)
+    found = describe(mesh, chosen_profile)
     parts = found.part_skeletons()
     if json_out is not None:
         write_json(json_out, _to_json(found, parts))

@@ -1,4 +1,4 @@
-"""What the service allows and knows: limits, formats, measures, filters."""
+"""What the service allows and knows: limits, formats, measures, profiles, filters."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from service.schemas.about import (
     LimitsValue,
     Measure,
     MeasuresValue,
+    NamedProfile,
+    ProfilesValue,
 )
 
 __all__ = ["WRITTEN", "router"]
@@ -54,6 +56,15 @@ def measures(_: Reader) -> MeasuresValue:
 
     known = [Measure(name=measure.name, description=measure.summary) for measure in MEASURES.values()]
     return MeasuresValue(items=known, default="matching")
+
+
+@router.get("/profiles", operation_id="listProfiles", summary="Profiles")
+def profiles(_: Reader) -> ProfilesValue:
+    """Parameters of the pipeline by name, what a profile's `base` can be."""
+    from reebase.pipeline import PROFILES
+
+    known = [NamedProfile(name=name, profile=profile.to_json()) for name, profile in PROFILES.items()]
+    return ProfilesValue(items=known, default="default")
 
 
 @router.get("/filters", operation_id="listFilters", summary="Denoising filters")

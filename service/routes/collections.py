@@ -43,7 +43,7 @@ def create_collection(
 ) -> Response:
     """An empty collection; all its shapes go through the pipeline with its profile."""
     principal.need_everywhere()
-    profile = body.profile.model_dump(exclude_unset=True)
+    profile = body.profile.given()
     asked = same_request(request, principal, idempotency_key, body.model_dump())
     with here.database.write() as conn:
 
@@ -80,7 +80,7 @@ def update_collection(
     here: Here, principal: Writer, collection: CollectionPath, body: CollectionPatch
 ) -> CollectionValue:
     """Another profile queues every shape to be described again; parameters that it does not name stay."""
-    profile = None if body.profile is None else body.profile.model_dump(exclude_unset=True)
+    profile = None if body.profile is None else body.profile.given()
     with here.database.write() as conn:
         open_collection(conn, principal, collection)
         changed = collections.update(conn, collection, description=body.description, profile=profile)

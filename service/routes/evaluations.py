@@ -12,6 +12,7 @@ from sqlalchemy import Connection
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
+from reebase.pipeline import Profile
 from reebase.ranking import ranking_named
 from service.auth import Principal, Reader, Writer
 from service.conditional import unless_unchanged
@@ -65,7 +66,7 @@ def create_evaluation(
         "descriptor": ranking.name, "measure": ranking.measure, "rerank": ranking.rerank,
     }  # fmt: skip
     if body.profile is not None:
-        params["profile"] = body.profile.model_dump()
+        params["profile"] = {**Profile().to_json(), **body.profile.given()}
     asked = same_request(request, principal, idempotency_key, params)
     with here.database.write() as conn:
         opened = None if body.collection is None else open_collection(conn, principal, body.collection)

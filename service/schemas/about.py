@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from service.schemas.common import Moment, Value
@@ -70,6 +72,20 @@ class FiltersValue(Value):
     """All denoising filters, and `none`; `default` is used when a profile names none."""
 
     items: list[DenoisingFilter]
+    default: str
+
+
+class NamedProfile(Value):
+    """Parameters of the pipeline by name."""
+
+    name: str = Field(examples=["thesis"])
+    profile: dict[str, Any]
+
+
+class ProfilesValue(Value):
+    """What a profile's `base` can name; `default` is used where none is named."""
+
+    items: list[NamedProfile]
     default: str
 
 

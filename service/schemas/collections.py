@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from reebase.errors import ReebaseError
-from reebase.pipeline import Profile
+from reebase.pipeline import Profile, profile_named
 from service.schemas.common import Body, CollectionName, Finite, Moment, Text, Value, printable, refused
 
 __all__ = ["CollectionPatch", "CollectionValue", "Counts", "NewCollection", "ProfileBody"]
@@ -18,12 +18,13 @@ Description = Annotated[str, AfterValidator(printable), Field(max_length=2000)]
 
 
 class ProfileBody(Body):
-    """Parameters of the pipeline; what is left out has its default."""
+    """Parameters of the pipeline; what is left out is as in the `base`, or where none is named has its default."""
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"denoise": "finite_volume", "iterations": 1, "bands": 64}]}
     )
 
+    base: Text | None = Field(None, description="A profile of `GET /v1/profiles`, as `thesis`.")
     denoise: Text = Field(_DEFAULT.denoise, description="Name of a filter, or `none`.")
     iterations: int = Field(_DEFAULT.iterations, ge=1, le=1000, description="Of the filter.")
     field: Text = Field(_DEFAULT.field, description="Name of the scalar field.")
@@ -59,6 +60,21 @@ class ProfileBody(Body):
         except ReebaseError as refusal:
             raise refused(refusal) from None
         return name
+
+    @field_validator("base")
+    @classmethod
+    def _base(cls, name: str | None) -> str | None:
+        try:
+            if name is not None:
+                profile_named(name)
+            return name
+        except ReebaseError as refusal:
+            raise refused(refusal) from None
+
+    def given(self) -> dict[str, Any]:
+        """The parameters that were named, by a base or by themselves."""
+        own = self.model_dump(exclude_unset=True, exclude={"base"})
+        return own if self.base is None else {**profile_named(self.base).to_json(), **own}
 
 
 class NewCollection(Body):

@@ -237,6 +237,17 @@ def test_waits_that_are_not_allowed(http: httpx.Client, zoo: dict[str, str], wai
     is_problem(reply, 422, "validation_error")
 
 
+def test_a_profile_by_name_and_what_differs_from_it(http: httpx.Client, collection: str) -> None:
+    known = {one["name"]: one["profile"] for one in http.get("/v1/profiles").json()["items"]}
+    assert known["thesis"]["levels"] == "width"
+    body = {"name": "by-name", "profile": {"base": "thesis", "bands": 32}}
+    made = http.post("/v1/collections", json=body).json()
+    assert made["profile"] == {**known["thesis"], "bands": 32}
+    changed = http.patch("/v1/collections/by-name", json={"profile": {"base": "default"}}).json()
+    assert changed["profile"] == known["default"] == http.get(collection).json()["profile"]
+    is_problem(http.patch("/v1/collections/by-name", json={"profile": {"base": "ghost"}}), 422, "unknown_name")
+
+
 def test_another_profile_describes_all_again(http: httpx.Client, collection: str) -> None:
     shape = uploaded(http, collection, capsule(length=6.0))
     first = indexed(http, shape)

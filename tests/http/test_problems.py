@@ -175,8 +175,8 @@ WORDS: dict[str, tuple[dict[str, Any], str]] = {
     "another member": ({"name": "a", "colour": "red"},
                        "colour: is not known here; there is name, description, profile"),
     "another parameter": ({"name": "a", "profile": {"bandss": 1}},
-                          "profile.bandss: is not known here; there is denoise, iterations, field, bands, levels, "
-                          "saliency, threshold, area, operator, components, root"),
+                          "profile.bandss: is not known here; there is base, denoise, iterations, field, bands, "
+                          "levels, saliency, threshold, area, operator, components, root"),
     "bands": ({"name": "a", "profile": {"bands": 1}}, "profile.bands: must be at least 2"),
     "half a band": ({"name": "a", "profile": {"bands": 2.5}}, "profile.bands: must be a whole number"),
     "a list": ({"name": ["a"]}, "name: must be a text"),

@@ -124,7 +124,7 @@ def test_the_second_schema_keeps_what_the_first_held(url: str) -> None:
     after = contents(database, *before, "idempotency")
     assert [row["key"] for row in after.pop("idempotency")] == ["key"]
     added: dict[str, dict[str, str | None]] = {
-        "collection": {"profile": '{"components": "largest", "levels": "width"}'},
+        "collection": {"profile": '{"components": "largest", "root": "centroid", "levels": "width"}'},
         "shape": {"deleted_at": None}, "skeleton": {"thumbnail_sha256": None, "display_sha256": None, "limbs": None,
                      "parts": None},
     }  # fmt: skip

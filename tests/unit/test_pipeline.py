@@ -10,7 +10,7 @@ import pytest
 from reebase import describe, dissimilarity, read, skeleton, write
 from reebase.errors import ComputationError, FormatError, LimitError, NoFaces, ParameterError, UnknownName
 from reebase.mesh import Mesh, to_bytes
-from reebase.pipeline import STAGES, Description, Profile
+from reebase.pipeline import STAGES, Description, Profile, profile_named
 from reebase.warm import sample
 from tests.shapes import grid, icosphere, joined, moved, tetrahedron, torus
 
@@ -116,6 +116,16 @@ def test_the_notebook_functions_are_the_pipeline(tmp_path) -> None:
 def test_bytes_and_paths_and_meshes_are_the_same() -> None:
     by_bytes = describe(to_bytes(sample(), "ply"), PLAIN)
     np.testing.assert_array_equal(by_bytes.features, describe(sample(), PLAIN).features)
+
+
+def test_the_thesis_by_name_is_what_its_equations_say() -> None:
+    """One step of (3.5), bands of equal width in phi_2, the root nearest the centroid (Figure 4.12), one surface."""
+    thesis = profile_named("thesis")
+    assert (thesis.denoise, thesis.iterations, thesis.field) == ("finite_volume", 1, "fiedler")
+    assert (thesis.levels, thesis.root, thesis.components) == ("width", "centroid", "largest")
+    assert profile_named("default") == Profile()
+    with pytest.raises(UnknownName, match="thesis"):
+        profile_named("ghost")
 
 
 def test_profile_key_depends_on_every_parameter() -> None:

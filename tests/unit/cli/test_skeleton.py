@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from reebase.mesh.write import write
+from reebase.pipeline import PROFILES
 from tests.command import Command
 from tests.shapes import capsule
 
@@ -32,6 +33,13 @@ def test_a_skeleton_as_table_json_and_picture(command: Command, mesh: Path, tmp_
     found = json.loads(target.read_text())
     assert len(found["endpoints"]) == len(found["features"]) == 2
     assert found["profile"]["bands"] == 16
+
+
+def test_the_profile_of_the_thesis_by_name(command: Command, mesh: Path) -> None:
+    found = json.loads(command("skeleton", mesh, "--json", "-", "--profile", "thesis", "--bands", 32).out)["profile"]
+    assert found == {**PROFILES["thesis"].to_json(), "bands": 32}
+    refused = command("skeleton", mesh, "--profile", "ghost")
+    assert (refused.code, refused.out) == (2, "") and "thesis" in refused.err
 
 
 def test_json_on_standard_output_is_alone_there(command: Command, mesh: Path) -> None:
