@@ -19,6 +19,13 @@ __all__ = ["ROOTS", "rooted"]
 ROOTS = ("median", "centroid")
 """The node with the shortest mean way to the whole surface, or the one nearest to the area centroid."""
 
+ROUNDING = 1e-9
+"""Relative, of sums of lengths of paths; generous."""
+
+MOST_VISITS = 20_000_000
+"""Nodes whose ways are looked at in all, ten seconds' work: enough for 10,000 nodes of a lattice. Beyond, the best of
+those measured is taken: those are measured first whose sum is the least by what is known."""
+
 
 def rooted(skeleton: Skeleton, root: str = "median") -> Skeleton:
     """The skeleton with its root chosen anew; "centroid" leaves that of ``reeb_graph`` and ``prune``.
@@ -50,6 +57,27 @@ def _of_tree(skeleton: Skeleton) -> int:
 
 
 def _of_graph(skeleton: Skeleton) -> int:
-    sums = skeleton.path_lengths(np.arange(len(skeleton.positions))) @ skeleton.areas
+    """Exact up to ``MOST_VISITS``, though few nodes are measured: a lattice has 100,000, and no memory holds all ways.
+
+    With the sum E(i) of a node known and d the way to another, the whole area A has E(j) >= |A d - E(i)|, as ways keep
+    the triangle inequality; nodes beyond the least sum are passed over (trimed; Newling and Fleuret, "A Sub-Quadratic
+    Exact Medoid Algorithm", AISTATS 2017).
+    """
+    from scipy.sparse.csgraph import dijkstra
+
+    adjacency, areas = skeleton.adjacency, skeleton.areas
+    total = areas.sum()
+    sums, most = np.full(len(areas), np.inf), np.full(len(areas), np.inf)
+    least = np.zeros(len(areas))
+    node = skeleton.root
+    for _ in range(max(1, MOST_VISITS // len(areas))):
+        ways = np.asarray(dijkstra(adjacency, directed=False, indices=np.array([node]))[0], dtype=np.float64)
+        sums[node] = ways @ areas
+        least = np.fmax(least, np.abs(total * ways - sums[node]))
+        most = np.fmin(most, total * ways + sums[node])
+        left = np.flatnonzero(np.isinf(sums) & (least <= sums.min() * (1 + ROUNDING)))
+        if len(left) == 0:
+            break
+        node = int(left[np.argmin(least[left] + most[left])])
     nearest = np.flatnonzero(sums <= sums.min() * (1 + 1e-12))
-    return int(nearest[np.argmax(skeleton.areas[nearest])])
+    return int(nearest[np.argmax(areas[nearest])])

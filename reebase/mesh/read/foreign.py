@@ -67,7 +67,10 @@ _ROOTS = {
     "svg": ("an SVG drawing", _PICTURE),
     "html": ("a web page", "Perhaps it was saved in place of the file; send the file."),
 }
-_XML_ROOT = re.compile(rb"\s*(?:<\?xml[^>]*\?>)?\s*(?:<!--.*?-->\s*)*(?:<!DOCTYPE\s+(\w+)|<(?:\w+:)?(\w+))", re.DOTALL)
+# Nothing is given back: else the ways to tell comments apart would double with each of them.
+_XML_ROOT = re.compile(
+    rb"\s*+(?:<\?xml[^>]*+>)?+\s*+(?>(?:<!--.*?-->\s*+)*)(?:<!DOCTYPE\s++(\w+)|<(?:\w++:)?(\w+))", re.DOTALL
+)
 _SUFFIXES = {
     "dae": _ROOTS["COLLADA"], "x3d": _ROOTS["X3D"], "x3dv": _ROOTS["X3D"], "x3db": _ROOTS["X3D"],
     "amf": _ROOTS["amf"], "vtp": _ROOTS["VTKFile"], "vtu": _ROOTS["VTKFile"], "gii": _ROOTS["GIFTI"],

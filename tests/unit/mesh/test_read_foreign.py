@@ -7,6 +7,7 @@ import gzip
 import io
 import lzma
 import struct
+import time
 import zipfile
 
 import numpy as np
@@ -114,3 +115,11 @@ def test_a_line_continued_with_blanks_behind_the_backslash() -> None:
     mesh = read(data, "obj")
     assert isinstance(mesh, Mesh)
     assert np.array_equal(mesh.faces, [[0, 1, 2]])
+
+
+@pytest.mark.parametrize("start", [b"<!-- -->" * 24, b" \n" * 2000], ids=["comments", "blanks"])
+def test_what_cannot_be_told_costs_no_time(start: bytes) -> None:
+    begin = time.process_time()
+    with pytest.raises(UnknownFormat):
+        sniff(start + b"?")
+    assert time.process_time() - begin < 0.1

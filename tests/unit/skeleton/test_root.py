@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.sparse import csgraph
 
 from reebase import skeleton
 from reebase.errors import UnknownName
-from reebase.skeleton import Skeleton, rooted
+from reebase.skeleton import Skeleton, root, rooted
 from reebase.warm import sample
 from tests.shapes import torus
 
@@ -34,6 +37,31 @@ def test_the_median_has_the_shortest_way_to_everything(seed: int, cycles: int) -
         reach = np.minimum(reach, reach[:, middle, None] + reach[None, middle])
     np.testing.assert_allclose(graph.path_lengths(np.arange(40)), reach)
     assert rooted(graph).root == int(np.argmin(reach @ graph.areas))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_a_graph_with_many_cycles_few_nodes_are_measured(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = random_graph(seed, 100, 600)
+    sums = graph.path_lengths(np.arange(600)) @ graph.areas
+    measured = []
+    dijkstra = csgraph.dijkstra
+
+    def counted(*args: Any, indices: Any, **options: Any) -> Any:
+        measured.append(np.size(indices))
+        return dijkstra(*args, indices=indices, **options)
+
+    monkeypatch.setattr(csgraph, "dijkstra", counted)
+    assert rooted(graph).root == int(np.argmin(sums))
+    assert sum(measured) < 300
+    assert max(measured) == 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_is_too_large_has_a_root_that_is_nearly_the_median(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    graph = random_graph(seed, 100, 600)
+    sums = graph.path_lengths(np.arange(600)) @ graph.areas
+    monkeypatch.setattr(root, "MOST_VISITS", 30 * 600)
+    assert sums[rooted(graph).root] < 1.05 * sums.min()
 
 
 def test_the_centroid_stays_by_name() -> None:
