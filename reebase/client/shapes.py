@@ -104,7 +104,7 @@ class ShapeCalls(TaskCalls):
         return self._get(lambda found: [received.skeleton_of(one) for one in found["items"]], path)
 
     def field(self, collection: str, shape: str) -> npt.NDArray[np.float64]:
-        """phi_2 at each vertex of the denoised mesh, (m,); NaN off its largest component."""
+        """phi_2 at each vertex of the denoised mesh, (m,); NaN off the parts that the skeleton is of."""
         return self._get(received.field_of, shape_path(collection, shape) + "/field")
 
     def scalar(self, collection: str, shape: str, name: str) -> npt.NDArray[np.float32]:
