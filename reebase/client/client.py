@@ -57,6 +57,10 @@ class Client(CollectionCalls, ShapeCalls, QueryCalls, EvaluationCalls):
         """The denoising filters that a profile can name."""
         return self._get(lambda found: [received.record(Filter, one) for one in found["items"]], "/v1/filters")
 
+    def profiles(self) -> dict[str, dict[str, Any]]:
+        """Parameters of the pipeline by name: what a profile's ``base`` can be."""
+        return self._get(lambda found: {one["name"]: one["profile"] for one in found["items"]}, "/v1/profiles")
+
     def readiness(self) -> Readiness:
         """Whether it can serve, and when a worker was last seen. Raises ServiceError: ``not_ready``."""
         return self._get(lambda found: received.record(Readiness, found), "/readyz")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from reebase.errors import NoFaces
+from reebase.errors import DegenerateMesh, NoFaces
 from reebase.mesh.geometry import face_areas
 from reebase.mesh.mesh import Mesh
 from reebase.mesh.topology import compacted, edges
@@ -117,6 +117,7 @@ def links(found: Parts) -> Links:
 
     Distances are between points spread over the faces: all vertices, and on sides and faces longer than the spacing
     points so dense that no place is much farther than it from one. Time grows with p log p log c, c parts and p points.
+    Raises DegenerateMesh when there is no area, or one beyond floating point, to tell the spacing from.
     """
     from reebase.mesh.parts_kernels import spanning_tree, touching
 
@@ -167,6 +168,8 @@ def _spread(found: Parts) -> tuple[IntArray, Array, float]:
     """Points all over the faces: the face, (p,), and barycentric coordinates, (p, 3), of each; and their spacing."""
     areas = face_areas(found.mesh)
     spacing = float(np.sqrt(areas.sum() / SAMPLES))
+    if not 0 < spacing**2 < np.inf:
+        raise DegenerateMesh(f"The parts have an area of {areas.sum():g} in all, so that nothing is near or far.")
     while True:
         along = _along(found, spacing)
         within = np.where((along > 0).any(axis=1), np.ceil(areas / spacing**2).astype(np.int64), 0)

@@ -231,4 +231,5 @@ def test_what_the_service_says_of_itself(client: Client) -> None:
     assert {"obj", "off", "ply", "stl", "glb", "3mf"} <= set(formats.read)
     assert "glb" in formats.written
     assert {"none", "finite_volume", "bilateral"} <= {one.name for one in client.filters() if one.description}
+    assert client.profiles()["thesis"]["levels"] == "width"
     assert {one.name for one in client.measures()} >= {"matching", "matching_mean", "greedy", "literal"}

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
-from reebase.errors import NoFaces
+from reebase.errors import DegenerateMesh, NoFaces
 from reebase.mesh import Mesh, largest_component
 from reebase.mesh.parts import links, parts
 from reebase.mesh.parts_kernels import spanning_tree, touching
@@ -35,6 +35,14 @@ def test_parts_are_numbered_by_area_and_the_first_is_the_largest_component() -> 
 def test_no_faces_is_refused() -> None:
     with pytest.raises(NoFaces):
         parts(Mesh(np.zeros((3, 3)), np.empty((0, 3), int)))
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize("scale", [0.0, 1e-170, 1e170])
+def test_parts_without_an_area_that_can_be_told_are_refused(scale: float) -> None:
+    mesh = joined(cube(), moved(cube(), (9, 0, 0)))
+    with pytest.raises(DegenerateMesh, match="area"):
+        links(parts(Mesh(mesh.vertices * scale, mesh.faces)))
 
 
 @pytest.mark.parametrize("count", [2, 7, 60])
