@@ -175,6 +175,6 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
     """The refusal of a name that a registry does not hold; it lists the names that would do."""
     choices = sorted(known)
     return UnknownName(
-        f"There is no {kind} named {name!r}; the choices are {', '.join(choices)}.",
+        f"Unknown {kind} {name!r}; the choices are {', '.join(choices)}.",
         parameter=kind, found=name, choices=choices,
     )  # fmt: skip

@@ -235,7 +235,7 @@ class _Clock:
 
 def describe(
     source: Mesh | bytes | str | os.PathLike[str],
-    profile: Profile | None = None,
+    profile: Profile | str | None = None,
     *,
     format: str | None = None,
     limits: Limits | None = None,
@@ -244,13 +244,13 @@ def describe(
     """Walk one mesh through all stages.
 
     source: a mesh, or what ``reebase.read`` takes (a path or a file's bytes, with ``format`` and ``limits``).
-    profile: the parameters, by default the pipeline's own.
+    profile: the parameters or a name of PROFILES, by default the pipeline's own.
     progress: called with (stage, fraction) as each stage begins.
     Raises OSError, FormatError, MeshError, LimitError, ParameterError, ComputationError or MissingPackage. A shape
     for which the method is not defined (several components, a boundary, near-equal eigenvalues, no endpoint) is
     described all the same, with a flag in its health report.
     """
-    profile = profile or Profile()
+    profile = profile_named(profile) if isinstance(profile, str) else profile or Profile()
     clock = _Clock(progress)
     with clock.stage("read"):
         mesh = source if isinstance(source, Mesh) else read(source, format, limits=limits or Limits())
@@ -264,13 +264,13 @@ def describe(
         every = parts(denoised)
         found = _described(every, profile.components, profile.field)
     try:
-        made = _skeletonised(found, profile, clock)
+        made = _skeletonised(found, cleaned, profile, clock)
     except (ComputationError, LimitError, MemoryError):
         if len(found) == 1:
             raise
         # Thousands of parts thrown together touch everywhere: joined they are no surface, and each of them still is.
         found = every.largest(1)
-        made = _skeletonised(found, profile, clock)
+        made = _skeletonised(found, cleaned, profile, clock)
     body_operator, spectrum, values, kept, skeleton = made
     with clock.stage("features"):
         features = endpoint_features(skeleton, profile.area)
@@ -300,11 +300,13 @@ class _Skeletonised(NamedTuple):
     skeleton: Skeleton
 
 
-def _skeletonised(found: Parts, profile: Profile, clock: _Clock) -> _Skeletonised:
-    """From the parts to their skeleton. Raises as ``describe``, and MemoryError."""
+def _skeletonised(found: Parts, cleaned: Mesh, profile: Profile, clock: _Clock) -> _Skeletonised:
+    """From the denoised parts to their skeleton. Raises as ``describe``, and MemoryError."""
     body, kept = compacted(found.mesh.vertices, found.mesh.faces)
     with clock.stage("operator"):
-        gaps = links(found) if len(found) > 1 else None
+        # Whether parts touch is a fact of the file: a filter draws coarse ones apart.
+        before = dataclasses.replace(found, mesh=Mesh(cleaned.vertices, found.mesh.faces))
+        gaps = links(before) if len(found) > 1 else None
         used = laplacian(body, profile.operator)
         body_operator = linked(used, body, gaps) if gaps else used
     with clock.stage("eigenpairs"):

@@ -87,7 +87,7 @@ class Problem(BaseModel):
         json_schema_extra={
             "example": {
                 "type": "/docs#unknown_name", "title": "Unknown name", "status": 422, "code": "unknown_name",
-                "detail": "There is no measure named 'best'; the choices are greedy, literal, matching, "
+                "detail": "Unknown measure 'best'; the choices are greedy, literal, matching, "
                 "matching_mean.",
                 "instance": "/v1/collections/animals/query",
                 "request_id": "0199b4c0-7d5e-7000-8000-2f6f3a9f0001",

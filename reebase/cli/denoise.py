@@ -49,6 +49,7 @@ def denoise(
     """
     from reebase.denoise import add_noise, apply_choice, choose, joined_soup
     from reebase.denoise import denoise as filtered
+    from reebase.denoise.errors import same_faces
     from reebase.errors import unknown_name
     from reebase.mesh.read import read
     from reebase.mesh.write import WRITTEN, to_bytes
@@ -67,6 +68,8 @@ def denoise(
     true = joined_soup(read(truth)) if truth is not None else before if noise is not None else None
     if noise is not None:
         before = add_noise(before, noise, kind, seed)
+    if true is not None:
+        same_faces(true, before)
 
     out = results()
     with progress() as begin:

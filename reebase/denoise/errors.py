@@ -176,5 +176,6 @@ def same_faces(truth: Mesh, result: Mesh) -> None:
         raise NoFaces
     if truth.vertices.shape != result.vertices.shape or not np.array_equal(truth.faces, result.faces):
         raise ParameterError(
-            f"Both meshes must have the same faces; found {truth!r} and {result!r}.", parameter="result"
+            f"A mesh and its truth must have the same faces; the truth is {truth!r}, the mesh {result!r}.",
+            parameter="truth",
         )

@@ -74,7 +74,8 @@ def refuse_non_finite(vertices: npt.NDArray[np.float64], faces: npt.NDArray[np.i
     bad = np.unique(faces[~whole[faces]])
     if len(bad):
         raise NonFiniteVertices(
-            f"{len(bad)} of the vertices that faces refer to have a NaN or infinite coordinate, "
-            f"the first is vertex {int(bad[0])}.",
+            f"Of the vertices that faces refer to {len(bad):,} {'has' if len(bad) == 1 else 'have'} a NaN or infinite "
+            f"coordinate, the first is vertex {int(bad[0])}, counted from 0. Delete or repair "
+            f"{'it' if len(bad) == 1 else 'them'} and send the mesh again.",
             count=len(bad), first=int(bad[0]),
         )  # fmt: skip

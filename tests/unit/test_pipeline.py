@@ -187,3 +187,9 @@ def test_parts_that_cannot_be_joined_leave_the_largest(trouble: Exception, monke
     monkeypatch.setattr("reebase.pipeline.eigenpairs", refuse)
     with pytest.raises(type(trouble)):
         describe(whole)
+
+
+def test_a_profile_is_given_by_name_too() -> None:
+    assert describe(sample(), "thesis").profile == profile_named("thesis")
+    with pytest.raises(UnknownName):
+        describe(sample(), "ghost")

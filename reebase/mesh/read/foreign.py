@@ -53,7 +53,7 @@ _SIGNATURES: tuple[tuple[bytes, str, str], ...] = (
     (rb"\x93NUMPY", "a NumPy array", "Save vertices and faces as PLY or OBJ."),
     (rb"\x89HDF", "an HDF5 file", _SIMULATION),
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{12}\x28", "a picture", _PICTURE),
-    (rb"%PDF", "a PDF document", _EXPORT),
+    (rb"%PDF", "a PDF document", "Ask whoever made it for the model itself, as GLB, OBJ, PLY or STL."),
     (rb"\xff\xfe\xff\x0eS\x00k", "a SketchUp file", _SCENE),
     (rb"(?i)\s*<!doctype html|\s*<html", "a web page", "Perhaps it was saved in place of the file; send the file."),
 )

@@ -177,7 +177,9 @@ def read_element(cells: Cells, start: int, element: Element) -> tuple[Table, int
         return _uniform(cells, start, element) or _walk(cells, start, element)
     except IndexError:
         raise TruncatedFile(
-            f"The file ends within the {element.name} records.", element=element.name
+            f"The file ends within the {element.count:,} {element.name} records that its header announces. It was cut "
+            "short, or line ends were changed in binary data: fetch or export it again.",
+            element=element.name, announced=element.count,
         ) from None
 
 

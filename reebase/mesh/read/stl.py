@@ -63,8 +63,8 @@ def _binary(data: bytes, announced: int, limits: Limits) -> Mesh:
     needed = HEADER + RECORD.itemsize * announced
     if needed > len(data):
         raise TruncatedFile(
-            f"The header announces {counted(announced, 'triangle')}, which take {needed:,} bytes, but the file has "
-            f"{len(data):,}.",
+            f"The header of this binary STL announces {counted(announced, 'triangle')}, {needed:,} bytes, "
+            f"but the file has {len(data):,}. It was cut short, or is no STL: fetch or export it again.",
             announced=announced, needed=needed, found=len(data),
         )  # fmt: skip
     there = (len(data) - HEADER) // RECORD.itemsize

@@ -128,7 +128,7 @@ SCALAR = np.zeros(4)
 @pytest.mark.parametrize(
     ("name", "scalars", "error", "message"),
     [
-        ("png", {}, UnknownName, "format to write named 'png'; the choices are glb, obj, off, ply, stl"),
+        ("png", {}, UnknownName, "format to write 'png'; the choices are glb, obj, off, ply, stl"),
         ("obj", {"phi2": SCALAR}, ParameterError, "OBJ has no place for scalars"),
         ("ply", {"phi2": SCALAR[:3]}, ParameterError, re.escape("must have shape (4,)")),
         ("ply", {"phi2": np.zeros((4, 1))}, ParameterError, "found"),

@@ -54,6 +54,15 @@ def test_a_ring_cut_in_two_is_still_a_ring() -> None:
     assert skeleton(cut(mesh, middles(mesh)[:, 0] > 0.2)).cycles == skeleton(mesh).cycles == 1
 
 
+def test_coarse_parts_that_touch_in_the_file_are_no_gaps_after_denoising() -> None:
+    """A filter moves the corners of a box of twelve triangles by more than parts lie apart."""
+    leg, board = (Mesh(cube().vertices * size, cube().faces) for size in ((0.3, 0.3, 3), (4, 4, 0.2)))
+    legs = [moved(leg, (x, y, -1.6)) for x in (-1.8, 1.8) for y in (-1.8, 1.8)]
+    found = describe(joined(board, *legs))
+    assert found.health.components == 5
+    assert not found.skeleton.joins.any()
+
+
 def test_parts_that_overlap_go_on_in_each_other() -> None:
     limb = capsule(length=6, nu=24, along=60)
     found = skeleton(joined(limb, moved(icosphere(3), (0, 0, limb.vertices[:, 2].max() + 0.95))))
