@@ -128,7 +128,10 @@ def part_skeletons(conn: Connection, shape_id: str) -> list[Skeleton]:
     if row["parts"] is not None:
         return unpack(row["parts"])
     if "several_components" in health(conn, shape_id).report.flags:
-        raise ResultNotFound("No skeletons of its parts are kept of the shape.", shape=shape_id)
+        raise ResultNotFound(
+            "No skeletons of its parts are kept of the shape: one of them has none. Take that of the whole.",
+            shape=shape_id,
+        )
     return [Skeleton.from_bytes(row["graph"])]
 
 

@@ -63,8 +63,8 @@ area."""
 
 
 def describe(surface: Surface) -> Array:
-    """A row for each patch, float64, (256, 39): the first disc that is known, one after the last, three values a disc,
-    and the logarithm of the root of the area in the units of the mesh.
+    """A row for each patch, float64, (64 to 256, 39): the first disc that is known, one after the last, three values a
+    disc, and the logarithm of the root of the area in the units of the mesh.
 
     Fewer rows where the mesh has fewer vertices. Values of discs that are not known are 0.
     """
