@@ -12,7 +12,7 @@ FLAGS: dict[str, str] = {
     "several_components": "The surface has several separate parts.",
     "joined_components": "The skeleton is of all parts, joined where they are nearest to one another.",
     "largest_component_only": "The skeleton is that of the largest part by area; the others are left out.",
-    "small_components_left_out": "The smallest parts, beyond 20,000 or hardly with area, are left out of it.",
+    "small_components_left_out": "The skeleton leaves out the smallest parts: past 20,000, or with hardly any area.",
     "open_surface": "The surface has a boundary; it is indexed as it is, with free (Neumann) boundaries.",
     "non_manifold": "Some edges have more than two faces, or faces disagree on their orientation.",
     "near_degenerate_eigenvalues": "The second and third eigenvalues are within 5 %: the shape is nearly symmetric and "
