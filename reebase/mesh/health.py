@@ -10,7 +10,8 @@ __all__ = ["FLAGS", "Health"]
 
 FLAGS: dict[str, str] = {
     "several_components": "The surface has several separate parts.",
-    "joined_components": "The skeleton is of all parts, joined where they are nearest to one another.",
+    "joined_components": "The skeleton, and D with it, is of all parts, joined where they are nearest; further "
+    "descriptors, and so the default ranking, see the largest part.",
     "largest_component_only": "The skeleton is that of the largest part by area; the others are left out.",
     "small_components_left_out": "The skeleton leaves out the smallest parts: past 20,000, or with hardly any area.",
     "open_surface": "The surface has a boundary; it is indexed as it is, with free (Neumann) boundaries.",

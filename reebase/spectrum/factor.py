@@ -67,19 +67,21 @@ class Elimination:
 
         self._graph = C.indptr.astype(np.int32, copy=False), C.indices.astype(np.int32, copy=False)
         self._values = C.data
-        self._dissection = self._dissect(kernels.places(*self._graph) if points is None else np.array(points))
+        crowded = int(CROWDED * np.sqrt(C.shape[0]))
+        placed = kernels.places(*self._graph, crowded) if points is None else np.array(points)
+        self._dissection = self._dissect(placed, crowded)
         if points is not None and self.entries > FULL * C.shape[0] * np.log2(C.shape[0] + 1):
             # Edges run across the whole shape, so that planes cannot cut it; distances along its edges can.
             by_planes, entries = self._dissection, self.entries
-            self._dissection = self._dissect(kernels.places(*self._graph))
+            self._dissection = self._dissect(kernels.places(*self._graph, crowded), crowded)
             if self.entries > entries:
                 self._dissection = by_planes
 
-    def _dissect(self, points: Array) -> _Dissection:
+    def _dissect(self, points: Array, crowded: int) -> _Dissection:
         from reebase.spectrum import factor_kernels as kernels
 
         points = np.asarray(points, dtype=np.float64)
-        order, first = kernels.dissect(*self._graph, points, LEAF, int(CROWDED * np.sqrt(len(points))))
+        order, first = kernels.dissect(*self._graph, points, LEAF, crowded)
         number, starts, rows, child, sibling = kernels.fill_in(*self._graph, order, first)
         sequence, panel, height = kernels.schedule(first, starts, child, sibling)
         return _Dissection(order, (first, starts, rows, panel), (number, child, sibling, sequence), height)

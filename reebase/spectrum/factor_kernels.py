@@ -23,14 +23,21 @@ FAST = {"contract", "nsz", "reassoc"}
 
 
 @njit(cache=True, nogil=True)
-def places(pointers: Int32, indices: Int32) -> Float:
-    """Points (m, 3) for a graph without any: steps from three vertices far apart; one component after another."""
+def places(pointers: Int32, indices: Int32, crowded: int) -> Float:
+    """Points (m, 3) for a graph without any: steps from three vertices far apart; one component after another.
+
+    Vertices with more than ``crowded`` neighbours are passed over and lie at the origin: through a hub all are near.
+    """
     m = len(pointers) - 1
     points = np.zeros((m, 3))
-    queue = np.empty(m, np.int32)
-    source = 0
+    hub = np.diff(pointers) > crowded
+    wanted = m - hub.sum()
+    if wanted == 0:
+        return points
+    queue = np.empty(wanted, np.int32)
+    source = hub.argmin()
     for axis in range(-1, 3):  # the first round only finds a vertex far out
-        level = np.full(m, -1, np.int32)
+        level = np.where(hub, np.int32(0), np.int32(-1))
         filled = done = 0
         begin, root = 0, source
         while True:
@@ -46,16 +53,16 @@ def places(pointers: Int32, indices: Int32) -> Float:
                         level[j] = level[v] + 1
                         queue[filled] = j
                         filled += 1
-            if filled == m:
+            if filled == wanted:
                 break
             begin, root = level[queue[filled - 1]] + 2, 0
             while level[root] >= 0:
                 root += 1
         if axis < 0:
-            source = queue[m - 1]
+            source = queue[wanted - 1]
             continue
         farthest = -1.0
-        for v in range(m):
+        for v in queue:
             points[v, axis] = level[v]
             nearest = points[v, 0]
             for known in range(1, axis + 1):

@@ -69,6 +69,19 @@ def test_a_hub_does_not_fill_the_factor():
     assert Elimination(stiff(HUB), HUB.vertices).factor(np.ones(601)).entries < 40 * 601
 
 
+def test_a_drum_with_two_hubs_does_not_fill_the_factor():
+    """Two rims of 2,000 corners, a lid on each that meets in one of them: the first plane parts rim from rim."""
+    n = 2000
+    turn = 2 * np.pi * np.arange(n) / n
+    rims = [np.column_stack([np.cos(turn), np.sin(turn), np.full(n, z)]) for z in (-1.0, 1.0)]
+    i = np.arange(n)
+    j = (i + 1) % n
+    wall = np.concatenate([np.column_stack([i, j, j + n]), np.column_stack([i, j + n, i + n])])
+    lid = np.column_stack([np.zeros(n - 2, int), i[1:-1], j[1:-1]])
+    drum = Mesh(np.concatenate(rims), np.concatenate([wall, lid[:, ::-1], lid + n]))
+    assert Elimination(operator(drum).C, drum.vertices).entries < 3 * len(drum.vertices) * np.log2(len(drum.vertices))
+
+
 def test_a_factor_that_no_memory_holds_is_refused_before_it_is_made(monkeypatch):
     monkeypatch.setattr("reebase.spectrum.factor.MOST_ENTRIES", 100)
     with pytest.raises(ComputationError, match="100 are allowed"):
