@@ -29,6 +29,9 @@ from worker.stacks import pack, unpack
 
 __all__ = ["COMPUTATIONS", "warm"]
 
+LONGEST_WHOLE = 60.0
+"""Seconds of a description beyond which its parts are not described by themselves as well."""
+
 _WORST = 50
 """Queries whose mistakes are kept with a report."""
 
@@ -79,7 +82,8 @@ def describe(
                 refused["duplicates"] = ComputationError(f"No copies can be sought of the shape: {lacked}")
         kept.save(outputs["kept"], found)
         seconds = {**seconds, "descriptors": time.perf_counter() - start}
-    if "parts" in outputs:
+    # Together they take about as long as the whole took, and must not end it at the child's limits.
+    if "parts" in outputs and sum(seconds.values()) < LONGEST_WHOLE:
         # The whole has been described: that a part by itself cannot be is no failure.
         with suppress(ReebaseError, MemoryError):
             outputs["parts"].write(pack(description.part_skeletons()))

@@ -38,6 +38,9 @@ from reebase.words import counted
 ALL = "all"
 """Stands for every descriptor that compares whole shapes: a part that seeks its whole is another question."""
 
+THESIS, SRG = "thesis", "srg"
+"""A profile, and what ranks with it."""
+
 
 def evaluate(
     context: typer.Context,
@@ -45,7 +48,9 @@ def evaluate(
     labels: options.Labels = None,
     descriptor: Annotated[
         list[str] | None,
-        typer.Option(help=f"What ranks, may be repeated: {', '.join(RANKINGS)}, or {ALL}. [default: {DEFAULT}]"),
+        typer.Option(
+            help=f"What ranks, may be repeated: {', '.join(RANKINGS)}, or {ALL}. [default: {DEFAULT}; {THESIS}: {SRG}]"
+        ),
     ] = None,
     measure: Annotated[
         str | None,
@@ -84,7 +89,9 @@ def evaluate(
     Exit code 0: all labelled meshes took part. 1: some were left out, and a table says why; the report is of the
     others. 2: it could not run.
     """
-    chosen = _chosen(descriptor or [ranking_named(None, measure).name], measure, rerank)
+    # The thesis ranks by its own D: of what else ranks by default its parameters change nothing.
+    default = SRG if profile == THESIS else ranking_named(None, measure).name
+    chosen = _chosen(descriptor or [default], measure, rerank)
     chosen_profile = options.profile(context, profile)
     check_target(json_out)
     kind = check_picture(plot, "svg")
@@ -234,6 +241,7 @@ def _print(entries: Sequence[Entry], failed: Mapping[str, Refusal]) -> None:
             ("all queries", str(len(found.queries)), *scores(found.overall)),
             ("mean of classes", "", *scores(found.class_mean)),
         ]
+        out.print(f"By {entries[0].name}{f', {entries[0].measure}' if entries[0].measure else ''}:")
         print_table(out, ("class", "shapes", *heads), rows, means)
     if failed:
         lost = [(name, one.code, shown(one.detail)) for name, one in sorted(failed.items())]

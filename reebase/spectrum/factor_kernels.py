@@ -35,7 +35,7 @@ def places(pointers: Int32, indices: Int32, crowded: int) -> Float:
     if wanted == 0:
         return points
     queue = np.empty(wanted, np.int32)
-    source = hub.argmin()
+    source = int(hub.argmin())
     for axis in range(-1, 3):  # the first round only finds a vertex far out
         level = np.where(hub, np.int32(0), np.int32(-1))
         filled = done = 0

@@ -61,6 +61,14 @@ def test_what_ranks_queries_is_evaluated_by_default(command: Command, folder: Pa
     assert report["overall"]["nn"] == 1.0
 
 
+def test_the_profile_of_the_thesis_ranks_as_the_thesis_does(command: Command, folder: Path) -> None:
+    report = report_of(command, folder, "--jobs", 1, "--profile", "thesis")
+    assert (report["descriptor"], report["measure"]) == ("srg", "matching")
+    assert (report["profile"]["levels"], report["profile"]["bands"]) == ("width", 24)
+    named = report_of(command, folder, "--jobs", 1, "--profile", "thesis", "--descriptor", "views")
+    assert named["descriptor"] == "views"
+
+
 def test_the_matrix_is_there_when_asked_for_and_jobs_change_nothing(command: Command, folder: Path) -> None:
     one = report_of(command, folder, "--matrix", "--measure", "matching", "--jobs", 1)
     two = report_of(command, folder, "--matrix", "--measure", "matching", "--jobs", 2)
