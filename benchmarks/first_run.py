@@ -33,7 +33,7 @@ def free_port() -> int:
 
 def call(url: str, data: bytes | None = None, **headers: str) -> tuple[int, dict]:
     request = urllib.request.Request(url, data=data, headers=headers)  # noqa: S310 - http on loopback
-    with urllib.request.urlopen(request, timeout=30) as reply:  # noqa: S310
+    with urllib.request.urlopen(request, timeout=30) as reply:  # noqa: S310 - as above
         return reply.status, json.loads(reply.read() or b"{}")
 
 

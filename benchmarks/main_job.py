@@ -57,7 +57,7 @@ def peak_memory(process: int, peaks: dict[int, tuple[str, int]], stop: threading
 def report(client: Client, name: str, **what: object) -> None:
     for measure in MEASURES:
         start = time.perf_counter()
-        evaluation = client.start_evaluation(measure=measure, **what)  # type: ignore[arg-type]
+        evaluation = client.start_evaluation(measure=measure, **what)  # type: ignore[arg-type]  # one of two
         client.wait(evaluation.task, timeout=1800)
         found = client.evaluation(evaluation.id).report or {"overall": {}}
         scores = "  ".join(f"{key} {found['overall'][key]:.3f}" for key in SHOWN)
